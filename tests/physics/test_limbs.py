@@ -117,6 +117,20 @@ def test_each_limb_is_replayed_as_often_as_hypotheses_differ_in_it(tmp_path: Pat
     assert run.count(("a1", "a2")) == 1 and run.count(("b1", "b2")) == 3
 
 
+def test_what_acts_on_other_limbs_need_not_adapt(tmp_path: Path) -> None:
+    whole = scene(tmp_path, hand())
+    found = limbs(whole, recorded(whole).motion)  # type: ignore[arg-type]
+    assert found is not None
+    on_a, on_b, both = HYPOTHESES[2][0], FRICTION, HYPOTHESES[5][0]
+    load, gain = HYPOTHESES[7][0], HYPOTHESES[6][0]
+    assert found.together((on_a, on_b, load, gain), [0]) == [0, 2]
+    assert found.together((on_a, on_b, load, gain), [1]) == [1, 3]
+    assert found.together((on_a, on_b, load, gain), [2, 3]) == [0, 1, 2, 3]
+    assert found.together((on_a, both, on_b), [0]) == [0, 1]
+    spring = planted("pair.spring", "pair", "a1+b1", 0.3, 1.0, 0.0)
+    assert found.together((on_a, on_b, spring), [0]) == [0, 1, 2]
+
+
 def test_laws_that_a_replay_brings_about_share_a_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

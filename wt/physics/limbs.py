@@ -90,6 +90,20 @@ class Limbs:
                 parts[k].append(p)
         return [tuple(part) for part in parts]
 
+    def together(self, hypothesis: Sequence[Planted], some: Sequence[int]) -> list[int]:
+        """Parts of a hypothesis on the limbs that some of them act on; all where any couples limbs.
+
+        Args:
+            hypothesis: effects.
+            some: indices of the parts.
+        """
+        known = [self._of(p) for p in hypothesis]
+        each = [acted_on for acted_on in known if acted_on is not None]
+        if len(each) < len(known):
+            return list(range(len(known)))
+        limbs_of_some = {k for i in some for k in each[i]}
+        return [i for i, own in enumerate(each) if not limbs_of_some.isdisjoint(own)]
+
     def _of(self, planted: Planted) -> Sequence[int] | None:
         """The limbs that an effect acts on, each for itself; None if it might couple some."""
         if planted.effect.id not in effects():  # a learned law may depend on anything

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import world
+from tests.diagnose.hidden_forces import on_joint, world
 from wt.diagnose.likelihood.objective import Objective
-from wt.diagnose.likelihood.refine import refine
+from wt.diagnose.likelihood.refine import around_itself, refine, slopes_at, slopes_of
 from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import Accepted, Incumbent, _alike, addition, replacement
+from wt.diagnose.selection.addition import (
+    Accepted,
+    Incumbent,
+    _alike,
+    addition,
+    replacement,
+)
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.physics.effect import effects
-from wt.physics.planted import Planted
+from wt.physics.planted import Hypothesis, Planted
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
 
@@ -129,6 +136,33 @@ def test_what_nothing_comes_close_to_keeps_its_place(tmp_path: Path) -> None:
 
     assert instead("joint.friction_coulomb") is None
     assert instead("joint.stiffness") == "joint.friction_coulomb"
+
+
+def rub(_: float, v: float) -> float:
+    """Dry friction."""
+    return float(-0.8 * np.tanh(v / 0.01))
+
+
+def test_around_itself_what_others_change_is_not_replayed_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hidden = world(tmp_path, 2, on_joint(0, rub), 2.5)
+    objective = hidden.objective
+    both = (planted("joint.friction_coulomb", "joint", "j1"),
+            planted("joint.friction_viscous", "joint", "j2"))  # fmt: skip
+    now = objective.reference(both)
+    known = slopes_of(now.hypothesis, slopes_at(objective, now))
+    asked, errors = list[int](), objective.errors
+
+    def counted(hypotheses: Sequence[Hypothesis], centres: object) -> np.ndarray:
+        asked.append(len(hypotheses))
+        return errors(hypotheses, centres)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(objective, "errors", counted)
+    del known[both[0].key]
+    fit = around_itself(objective, now, now, [0], known)
+    assert asked and set(asked) == {1}  # one figure of one law
+    assert fit.loglik > now.loglik + 10.0
 
 
 OPTIONS = (

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Container
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from wt.diagnose.selection.search import uphill
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.selection import search as search_module
+from wt.diagnose.selection.search import _lesser, uphill
 from wt.diagnose.stop import StoppedError
-from wt.physics.planted import Key
+from wt.physics.effect import effects
+from wt.physics.planted import Key, Planted
+from wt.types import Location
 
 State = frozenset[Key]
 COULOMB, ARMATURE, STOP = (
@@ -80,3 +85,25 @@ def test_an_end_before_its_time_gives_the_best_so_far() -> None:
         return ladder.advance(state, refused)
 
     assert uphill(State(), advance, ladder.lead, set, ladder.back) == {COULOMB, ARMATURE}
+
+
+def test_only_what_is_on_the_same_limb_adapts_to_what_leaves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    parts = tuple(
+        Planted(effects()["joint.friction_coulomb"], Location("joint", joint), np.ones(1))
+        for joint in ("hip", "other_hip", "knee")
+    )
+    same_limb = {0: [0, 2], 1: [1]}
+    asked: dict[str, object] = {}
+
+    def refined(_: object, starts: object, free: object, **given: object) -> list[Assessed]:
+        asked.update(starts=starts, free=free)
+        return []
+
+    monkeypatch.setattr(search_module, "together", lambda _, __, some: same_limb[some[0]])
+    monkeypatch.setattr(search_module, "refine", refined)
+    now = Mock(spec=Assessed, hypothesis=parts, tolerances=np.zeros(0))
+    _lesser(Mock(spec=Objective, tolerances=()), now, [0, 1], {})
+    hip, other, knee = parts
+    assert asked == {"starts": [(other, knee), (hip, knee)], "free": [[1], []]}

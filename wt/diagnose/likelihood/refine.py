@@ -19,8 +19,10 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.replays import DEVIATION
 from wt.diagnose.likelihood.shown import shown, without_hidden
 from wt.diagnose.stop import StoppedError
+from wt.physics.limbs import limbs
 from wt.physics.planted import Hypothesis, Key, Planted
 from wt.physics.scales import step_sizes
 
@@ -91,6 +93,44 @@ def refine(
             for i, climb in zip(active, steps_taken, strict=True):
                 climbs[i] = climb
     return [c.now for c in climbs]
+
+
+def together(objective: Objective, hypothesis: Hypothesis, some: Sequence[int]) -> list[int]:
+    """Parts of a hypothesis that have to adapt to some of them: those that act on the same limbs.
+
+    Args:
+        objective: whose machine; its limbs may hang apart from each other.
+        hypothesis: effects.
+        some: indices of parts that are new, or changed.
+    """
+    motion = objective.stretches[0].motion
+    apart = None if motion is None else limbs(objective.scene, motion)
+    if apart is None:
+        return list(range(len(hypothesis)))
+    return apart.together(hypothesis, some)
+
+
+def around_itself(
+    objective: Objective, fit: Assessed, beside: Assessed, new: Sequence[int], known: Slopes
+) -> Assessed:
+    """A fit refined with tolerances that are linear around itself; as it is if that is no better.
+
+    It becomes the reference of the replays. Tolerances that hardly differ from those of another fit
+    are taken from there: limbs in which nothing is different are then replayed once for all.
+
+    Args:
+        objective: the replays.
+        fit: the fit.
+        beside: what it is compared with.
+        new: its parts that others have to adapt to.
+        known: slopes in others, as near as where what is new was not there.
+    """
+    alike = np.abs(fit.tolerances - beside.tolerances) <= DEVIATION
+    centre = np.where(alike, beside.tolerances, fit.tolerances)
+    again = objective.reference(fit.hypothesis, centre, most=1)
+    parts = [together(objective, again.hypothesis, new)]
+    (again,) = refine(objective, [again.hypothesis], parts, iterations=2, known=known)
+    return max(fit, again, key=lambda a: a.loglik)
 
 
 def jacobian(
@@ -172,6 +212,11 @@ def slopes_of(
     """Derivatives in all parts of a hypothesis, part by part."""
     everywhere = rows_of(hypothesis, range(len(hypothesis)))
     return {hypothesis[i].key: slope[:, :, rows] for i, rows in everywhere}
+
+
+def all_slopes(objective: Objective, now: Assessed) -> Slopes:
+    """Derivatives in all parts of a hypothesis, by differences that replays tell from nothing."""
+    return slopes_of(now.hypothesis, slopes_at(objective, now))
 
 
 def rows_of(hypothesis: Hypothesis, parts: Sequence[int]) -> Iterator[tuple[int, slice]]:

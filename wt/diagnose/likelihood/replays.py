@@ -236,7 +236,7 @@ def _keys(hypothesis: Sequence[Planted]) -> frozenset[Key]:
     return frozenset(p.key for p in hypothesis)
 
 
-_STEP = 0.1
+DEVIATION = 0.1
 """Change of an error for its derivative [deviations]: long valleys need good ones."""
 ROUGH = 10.0
 """Factor by which differences are larger on legs: a foot lands a physics step earlier or later
@@ -289,7 +289,7 @@ class Nearby:
         """
         self._replays, self._once, self._remembers = replays, once, remembers
         self.nudge = ROUGH if once else 1.0
-        self._step = _STEP * self.nudge
+        self._step = DEVIATION * self.nudge
         self.tolerances = tuple(tolerances)
         able = [tolerance.effect.correctable for tolerance in tolerances]
         self.able: Bool[np.ndarray, " tolerance"] = np.array(able, dtype=bool)

@@ -16,7 +16,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.bic import earns, erring_joints, simplest, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import refine, slopes_at, slopes_of
+from wt.diagnose.likelihood.refine import Slopes, all_slopes, around_itself, refine, together
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.result import Stage
 from wt.diagnose.selection.candidates import Start, candidates, dof_of
@@ -270,25 +270,27 @@ def _replayed(
 
 
 def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
-    """By falling worth, all effects of the best ones refined."""
+    """By falling worth, the best ones with all effects refined that what was added acts beside."""
     if not fits:
         return []
     fits = _by_worth(objective, fits, now)
     finalists = [f.hypothesis for f in fits[:_FINALISTS]]
-    all_free = [range(len(h)) for h in finalists]
-    known = slopes_of(now.hypothesis, slopes_at(objective, now))
-    refined = refine(objective, finalists, all_free, iterations=4, known=known)
+    free = [together(objective, h, range(len(now.hypothesis), len(h))) for h in finalists]
+    known = all_slopes(objective, now)
+    refined = refine(objective, finalists, free, iterations=4, known=known)
     leader, *others = _by_worth(objective, refined, now)
     if not objective.scene.free:
-        others = [_settled(objective, f, leader, now) for f in others]
+        others = [_settled(objective, f, leader, now, known) for f in others]
         # settled, the leader would lead by more: that matters where another comes close
         close = worth(objective, leader, now) - THRESHOLDS.min_nats
         if any(worth(objective, f, now) > close for f in others):
-            leader = _settled(objective, leader, leader, now)
+            leader = _settled(objective, leader, leader, now, known)
     return _by_worth(objective, [leader, *others, *fits[_FINALISTS:]], now)
 
 
-def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed) -> Assessed:
+def _settled(
+    objective: Objective, fit: Assessed, best: Assessed, now: Assessed, known: Slopes
+) -> Assessed:
     """A fit with tolerances as they adapt around itself, if they adapt far and it is near the best.
 
     They are linear around the present hypothesis, and bent to what it lacks: where a sensor is
@@ -297,17 +299,10 @@ def _settled(objective: Objective, fit: Assessed, best: Assessed, now: Assessed)
     """
     bent = np.abs([fit.tolerances, fit.tolerances - now.tolerances]).max(initial=0.0)
     near = worth(objective, fit, now) >= _NEAR * worth(objective, best, now)
-    return around_itself(objective, fit) if bent > FAR and near else fit
-
-
-def around_itself(objective: Objective, fit: Assessed) -> Assessed:
-    """A fit refined with tolerances that are linear around itself; as it is if that is no better.
-
-    It becomes the reference of the replays.
-    """
-    again = objective.reference(fit.hypothesis, fit.tolerances, most=1)
-    (again,) = refine(objective, [again.hypothesis], [range(len(again.hypothesis))], iterations=2)
-    return max(fit, again, key=lambda a: a.loglik)
+    if not (bent > FAR and near):
+        return fit
+    new = range(len(now.hypothesis), len(fit.hypothesis))
+    return around_itself(objective, fit, now, new, known)
 
 
 def _by_worth(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:

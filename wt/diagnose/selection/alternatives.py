@@ -25,9 +25,16 @@ from wt.diagnose.likelihood.bic import (
 )
 from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import Slopes, jacobian, refine, slopes_of
+from wt.diagnose.likelihood.refine import (
+    Slopes,
+    around_itself,
+    jacobian,
+    refine,
+    slopes_of,
+    together,
+)
 from wt.diagnose.residual.screen import Screen
-from wt.diagnose.selection.addition import FAR, HOPELESS, Accepted, around_itself
+from wt.diagnose.selection.addition import FAR, HOPELESS, Accepted
 from wt.diagnose.selection.candidates import Start, excluded, lookalikes
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
@@ -220,9 +227,9 @@ class Lookalikes:
         tried = [(*parts[:index], h[index], *parts[index + 1 :]) for h in going]
         # what the others do changes little with the law beside them
         known = {key: slope for key, slope in slopes.items() if key != parts[index].key}
-        all_free = [range(len(parts))] * len(tried)
-        others = refine(deciding, tried, all_free, _STEPS, known=known)
-        now, others = _each_settled(deciding, hypothesis, now, others)
+        free = [together(deciding, h, [index]) for h in tried]
+        others = refine(deciding, tried, free, _STEPS, known=known)
+        now, others = _each_settled(deciding, hypothesis, now, others, index, known)
         options = [Option(hypothesis[index], 0.0, 0.0)]
         for fit in others:
             gained, due = worth(deciding, fit, now), _due(fit.hypothesis, hypothesis)
@@ -263,7 +270,12 @@ def back_again(
 
 
 def _each_settled(
-    objective: Objective, hypothesis: Hypothesis, now: Assessed, others: Sequence[Assessed]
+    objective: Objective,
+    hypothesis: Hypothesis,
+    now: Assessed,
+    others: Sequence[Assessed],
+    index: int,
+    known: Slopes,
 ) -> tuple[Assessed, list[Assessed]]:
     """What was found and its lookalikes, each with tolerances that are linear around itself.
 
@@ -276,16 +288,18 @@ def _each_settled(
         hypothesis: their reference, which it stays.
         now: what was found, as refined around it.
         others: lookalikes in its place.
+        index: of that place.
+        known: slopes in what stands beside them.
     """
     bent = [_is_bent(f) and worth(objective, f, now) > -HOPELESS for f in others]
     if objective.scene.free or not any(bent):  # replays of legs settle as they are refined
         return now, list(others)
     centre = objective.reference(hypothesis).centre
     each = zip(others, bent, strict=True)
-    settled = [around_itself(objective, f) if far else f for f, far in each]
+    settled = [around_itself(objective, f, now, [index], known) if far else f for f, far in each]
     least = -THRESHOLDS.min_nats
     if _is_bent(now) and any(worth(objective, f, now) > least for f in settled):
-        now = around_itself(objective, now)
+        now = around_itself(objective, now, now, [index], known)
     objective.reference(hypothesis, centre, most=1)
     return now, settled
 

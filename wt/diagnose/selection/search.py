@@ -15,7 +15,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, merit, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import Slopes, refine, slopes_at, slopes_of
+from wt.diagnose.likelihood.refine import Slopes, all_slopes, refine, together
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
@@ -212,7 +212,7 @@ def _reconsidered(
         if index is None:  # replaced or pruned already
             continue
         rest = [a for i, a in enumerate(accepted) if i != index]
-        slopes = slopes or _slopes(objective, now)
+        slopes = slopes or all_slopes(objective, now)
         (fit,) = _lesser(objective, now, [index], slopes)
         base = objective.reference(fit.hypothesis, fit.tolerances)
         kept = [replace(a, planted=p) for a, p in zip(rest, base.hypothesis, strict=True)]
@@ -249,7 +249,7 @@ def _prune(
     slopes: Slopes | None = None
     accepted, now = _simpler(objective, accepted, now, log)
     while len(accepted) > 1:
-        slopes = _slopes(objective, now)
+        slopes = all_slopes(objective, now)
         fits = _lesser(objective, now, range(len(accepted)), slopes)
         losses = [worth(objective, now, fit) for fit in fits]
         weakest = int(np.argmin(losses))
@@ -288,16 +288,14 @@ def _simpler(
     return accepted, now if same else _fitted(objective, tuple(parts))
 
 
-def _slopes(objective: Objective, now: Assessed) -> Slopes:
-    """Slopes in all effects of the reference."""
-    return slopes_of(now.hypothesis, slopes_at(objective, now))
-
-
 def _lesser(
     objective: Objective, now: Assessed, each: Sequence[int], slopes: Slopes
 ) -> list[Assessed]:
-    """A hypothesis without each of some effects, the others refined; ``now`` is the reference."""
+    """A hypothesis without each of some effects; ``now`` is the reference.
+
+    Others that act on the limbs of what leaves are refined.
+    """
     lesser = [without(now.hypothesis, i) for i in each]
-    free = [range(len(h)) for h in lesser]
+    free = [[k - (k > i) for k in together(objective, now.hypothesis, [i]) if k != i] for i in each]
     errors = [taken_over(objective.tolerances, now.tolerances, now.hypothesis[i]) for i in each]
     return refine(objective, lesser, free, iterations=2, centres=errors, known=slopes)
