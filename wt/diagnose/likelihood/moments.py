@@ -69,7 +69,7 @@ def _lasting(
 ) -> int:
     """Half seconds of a joint that err far more than calm ones in which it moves as much.
 
-    None if they are few, if most are not calm, or if as many are neither.
+    0 if they are few, if most are not calm, or if as many are neither.
 
     Args:
         noise: mean square error that leaves nothing to explain.
