@@ -62,6 +62,14 @@ class Thresholds:
     """[share of a joint's motion] Error below which a replay is not called unexplained, unless the
     force behind it is predicted at times that were not seen: a very quiet sensor sees tolerances.
     """
+    moment_calm: float = 2.0
+    """[times the mean square of noise] Error of half a second of replays in which nothing acts: as
+    much as noise alone makes of half a second by chance."""
+    moment_moved: float = 0.9
+    """[quantile of calm half seconds] Change of replays by tolerances up to which another half
+    second moves as those do: where it moves more, tolerances may be what it errs by."""
+    least_moments: int = 2
+    """[half seconds] Least that stand out: one may be a single jolt, as where a command jumps."""
     min_nats: float = 12.0
     """[nats] Log-likelihood that an effect must gain beyond the price of its parameters. First
     trials asked for 60; tolerances that adapt inside their box made less do."""

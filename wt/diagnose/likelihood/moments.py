@@ -19,11 +19,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.recordings.stretches import WINDOW_S
 from wt.diagnose.thresholds import THRESHOLDS
 
-_LASTING = 2
-"""Least half seconds that stand out: one may be a single jolt, as where a command jumps."""
 _FEW = 0.5  # share of the samples of the fullest: half seconds with fewer are too short to tell
-_CALM = 2.0  # times the mean square of noise: what half a second of it may be by chance
-_MOVED = 0.9  # quantile of what tolerances do in calm half seconds: more is another motion
 
 
 def windows(objective: Objective) -> Int[np.ndarray, " sample"]:
@@ -79,12 +75,13 @@ def _lasting(
     """
     told = count > _FEW * count.max()
     error, moved = left[told] / count[told], rig[told] / count[told]
-    calm, far = error <= _CALM * noise, error > THRESHOLDS.clean**2 * noise
+    t = THRESHOLDS
+    calm, far = error <= t.moment_calm * noise, error > t.clean**2 * noise
     if not calm.sum() > 0.5 * len(calm):
         return 0
-    lasting = int(np.count_nonzero(far & (moved <= np.quantile(moved[calm], _MOVED))))
+    lasting = int(np.count_nonzero(far & (moved <= np.quantile(moved[calm], t.moment_moved))))
     between = int(np.count_nonzero(~calm & ~far))
-    return lasting if lasting >= _LASTING and lasting > between else 0
+    return lasting if lasting >= t.least_moments and lasting > between else 0
 
 
 def _sums(
