@@ -13,8 +13,8 @@ from wt.diagnose.likelihood.estimate import estimate
 from wt.diagnose.selection import simpler
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.search import _simpler
-from wt.diagnose.selection.simpler import simplified, united
+from wt.diagnose.selection.search import _fitted
+from wt.diagnose.selection.simpler import by_what_they_became, simplified, united
 from wt.physics.effect import effects
 from wt.physics.hooks import Nested
 from wt.physics.planted import Planted
@@ -76,16 +76,20 @@ def test_what_becomes_a_simpler_law_is_that_and_not_dropped(rubbing: World) -> N
     assert law is not None and law.effect is coulomb and law.theta == pytest.approx([0.25])
     alike = Planted(directional, J2, np.array([0.25, 0.24, 0.0, 0.0]))
     given, log = [Accepted(alike, (), ())], DecisionLog()
-    accepted, after = _simpler(objective, given, objective.reference((alike,)), log)
+    accepted, hypothesis = by_what_they_became(objective, given, (alike,), log)
+    after = _fitted(objective, hypothesis)
     assert [a.planted.effect.id for a in accepted] == [coulomb.id] and accepted[0].shape == ()
     assert after.hypothesis[0].theta == pytest.approx([0.3], rel=0.05)
     assert [(d.stage, d.kept) for d in log] == [("simplified", False)]
     # what another says already is not said twice
     both = (alike, Planted(coulomb, J2, np.array([0.05])))
     given.append(Accepted(both[1], (), ()))
-    accepted, after = _simpler(objective, given, objective.reference(both), log)
+    accepted, hypothesis = by_what_they_became(objective, given, both, log)
+    after = _fitted(objective, hypothesis)
     assert accepted == given[1:]
     assert after.hypothesis[0].theta == pytest.approx([0.3], rel=0.05)
+    same = both[1:]
+    assert by_what_they_became(objective, accepted, same, log) == (accepted, same)
 
 
 @pytest.mark.long

@@ -19,9 +19,10 @@ from wt.diagnose.likelihood.refine import Slopes, all_slopes, refine, together
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
-from wt.diagnose.selection.candidates import dof_of, excluded
+from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.memory import Memory
+from wt.diagnose.selection.simpler import by_what_they_became
 from wt.diagnose.stop import StoppedError, stoppable, stopped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis, Key, without
@@ -247,7 +248,9 @@ def _prune(
     simpler law is that, and not dropped for being no longer what it was.
     """
     slopes: Slopes | None = None
-    accepted, now = _simpler(objective, accepted, now, log)
+    accepted, hypothesis = by_what_they_became(objective, accepted, now.hypothesis, log)
+    if hypothesis is not now.hypothesis:
+        now = _fitted(objective, hypothesis)
     while len(accepted) > 1:
         slopes = all_slopes(objective, now)
         fits = _lesser(objective, now, range(len(accepted)), slopes)
@@ -261,31 +264,6 @@ def _prune(
         accepted, slopes = [a for i, a in enumerate(accepted) if i != weakest], None
         now = objective.reference(fits[weakest].hypothesis, fits[weakest].tolerances)
     return accepted, now, slopes
-
-
-def _simpler(
-    objective: Objective, accepted: list[Accepted], now: Assessed, log: DecisionLog
-) -> tuple[list[Accepted], Assessed]:
-    """Effects by the simpler laws that some have become beside the later ones.
-
-    Friction that seemed to differ with the direction is the same both ways once a weak drive or a
-    wrong inertia is known, and its joint is not without any.
-    """
-    parts, accepted = list(now.hypothesis), list(accepted)
-    for p in now.hypothesis:
-        law = p.become(objective.motion)
-        if law is None:
-            continue
-        i = parts.index(p)
-        said = any(excluded(law, q) for q in without(tuple(parts), i))  # another has it in it
-        sizes = float(p.effect.n_free), 0.0 if said else float(law.effect.n_free)
-        reason = f"it has become {law}" + said * ", as another has it"
-        log.add(p, "simplified", False, *sizes, reason)
-        shape = next(iter(law.effect.shapes(objective.motion, law.at)), None)
-        parts[i : i + 1] = [] if said else [law]
-        accepted[i : i + 1] = [] if said else [Accepted(law, shape, ())]
-    same = len(parts) == len(now.hypothesis) and all(p in parts for p in now.hypothesis)
-    return accepted, now if same else _fitted(objective, tuple(parts))
 
 
 def _lesser(

@@ -19,7 +19,38 @@ from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.hooks import Uniting
-from wt.physics.planted import Planted, without
+from wt.physics.planted import Hypothesis, Planted, without
+
+
+def by_what_they_became(
+    objective: Objective, accepted: list[Accepted], hypothesis: Hypothesis, log: DecisionLog
+) -> tuple[list[Accepted], Hypothesis]:
+    """Effects by the simpler laws that some have become beside the later ones.
+
+    Friction that seemed to differ with the direction is the same both ways once a weak drive or a
+    wrong inertia is known, and its joint is not without any.
+
+    Args:
+        objective: replays of the fitted recordings.
+        accepted: effects, in the order of the hypothesis.
+        hypothesis: the same with their present parameters.
+        log: grows by every decision.
+
+    Returns:
+        (effects; hypothesis to be refined), the very same where none has become another.
+    """
+    parts, instead = list(hypothesis), list(accepted)
+    became = [(p, law) for p in hypothesis if (law := p.become(objective.motion))]
+    for p, law in became:
+        i = parts.index(p)
+        said = any(excluded(law, q) for q in without(tuple(parts), i))  # another has it in it
+        sizes = float(p.effect.n_free), 0.0 if said else float(law.effect.n_free)
+        reason = f"it has become {law}" + said * ", as another has it"
+        log.add(p, "simplified", False, *sizes, reason)
+        shape = next(iter(law.effect.shapes(objective.motion, law.at)), None)
+        parts[i : i + 1] = [] if said else [law]
+        instead[i : i + 1] = [] if said else [Accepted(law, shape, ())]
+    return (instead, tuple(parts)) if became else (accepted, hypothesis)
 
 
 def simplified(
