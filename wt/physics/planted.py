@@ -140,20 +140,18 @@ class Planted:
             return self.effect.moved(self.theta, step)
         return np.asarray(np.clip(self.theta + step, *self.effect.bounds()))
 
-    def simpler(
-        self, motion: Motion, intervals: Intervals
-    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
-        """Id and parameters of a law with fewer that is as good, see :meth:`Nested.simpler`."""
+    def simpler(self, motion: Motion, intervals: Intervals) -> Planted | None:
+        """A law with fewer parameters that is as good, see :meth:`Nested.simpler`."""
         if not isinstance(self.effect, Nested):
             return None
-        return self.effect.simpler(motion, self.at, self.theta, intervals)
+        law = self.effect.simpler(motion, self.at, self.theta, intervals)
+        return None if law is None else Planted(effects()[law[0]], self.at, law[1])
 
     def become(self, motion: Motion) -> Planted | None:
         """The simpler law that it has become, where its parameters are no longer this one."""
         if self.effect.plausible(motion, self.at, self.theta):
             return None
-        law = self.simpler(motion, {p.name: (p.lower, p.upper) for p in self.effect.parameters})
-        return None if law is None else Planted(effects()[law[0]], self.at, law[1])
+        return self.simpler(motion, {p.name: (p.lower, p.upper) for p in self.effect.parameters})
 
     def beyond(self, effect: Effect, motion: Motion) -> Sequence[Beyond]:
         """Starting points of a larger law in its place; none, if that does not contain this one."""

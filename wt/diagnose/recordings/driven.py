@@ -110,7 +110,7 @@ def held(
     t: Float[np.ndarray, " sample"],
     q: Float[np.ndarray, "sample dof"],
     acted: Float[np.ndarray, "sample actuator"],
-    known: Hypothesis = (),
+    model: mujoco.MjModel | None = None,
 ) -> Held | None:
     """What the commands of a segment pull a machine's joints by.
 
@@ -119,7 +119,7 @@ def held(
         t: time of the samples [s].
         q: where the joints were, roughly [rad or m].
         acted: what each drive acts on from each sample to the next.
-        known: effects of the machine that the model lacks.
+        model: of the machine as it was found; None for the scene's.
 
     Returns:
         None where nothing drives a joint by itself, where a base floats, whose feet say what it
@@ -127,7 +127,7 @@ def held(
     """
     if scene.free or not scene.drives or len(t) < 3 or np.median(np.diff(t)) < _SLOW_S:
         return None
-    model = _with(scene, known)
+    model = model or scene.model
     force, stiffness, damping = _acting(model, acted[:-1])
     place = np.linspace(0, min(len(force), _PLACES), len(force), endpoint=False).astype(int)
     mobility = _mobility(model, q[np.searchsorted(place, np.arange(place[-1] + 1))])
@@ -137,12 +137,12 @@ def held(
 
 def responds_otherwise(scene: Scene, known: Hypothesis) -> bool:
     """Tell whether effects change the response to commands: inertia, drives or damping."""
-    given, model = scene.slim.copy().compile(), _with(scene, known)
+    given, model = scene.slim.copy().compile(), as_found(scene, known)
     same = all(np.array_equal(getattr(given, x), getattr(model, x)) for x in _RESPONDS)
     return not same or drives(model) != drives(given)
 
 
-def _with(scene: Scene, known: Hypothesis) -> mujoco.MjModel:
+def as_found(scene: Scene, known: Hypothesis) -> mujoco.MjModel:
     """The model with effects, but for those that add joints, whose states no recording has."""
     if not known:
         return scene.model

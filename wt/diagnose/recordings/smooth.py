@@ -15,12 +15,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import PPoly
 
 from wt.diagnose.recordings.curves import Curve, choose, fit
-from wt.diagnose.recordings.driven import held, responds_otherwise
+from wt.diagnose.recordings.driven import as_found, held, responds_otherwise
 from wt.diagnose.recordings.grid import rounding
 from wt.diagnose.recordings.odometry import UNSURE_Q, UNSURE_V
 from wt.diagnose.recordings.samples import Part, Samples, commanded, finer, samples_of
@@ -186,8 +187,8 @@ def _curves(
     known: Hypothesis,
 ) -> list[tuple[Curve, ...]]:
     """Per segment and joint what states are read off."""
-    pairs = zip(samples, splines, strict=True)
-    return [_with_commands(scene, s, own, known) for s, own in pairs]
+    model, pairs = as_found(scene, known), zip(samples, splines, strict=True)
+    return [_with_commands(scene, s, own, model) for s, own in pairs]
 
 
 def _states(
@@ -277,10 +278,10 @@ def _at(
 
 
 def _with_commands(
-    scene: Scene, s: Samples, curves: tuple[Curve, ...], known: Hypothesis
+    scene: Scene, s: Samples, curves: tuple[Curve, ...], model: mujoco.MjModel
 ) -> tuple[Curve, ...]:
     """Curves beside the response to held commands, for the joints of which these are better."""
-    commands = held(scene, s.t, _at(s.t, curves, 0), _acted_on(scene, s), known)
+    commands = held(scene, s.t, _at(s.t, curves, 0), _acted_on(scene, s), model)
     if commands is None:
         return curves
     noises = np.array([(c.sigma, c.sigma_v) for c in curves]).T

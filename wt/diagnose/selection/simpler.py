@@ -43,13 +43,10 @@ def by_what_they_became(
     became = [(p, law) for p in hypothesis if (law := p.become(objective.motion))]
     for p, law in became:
         i = parts.index(p)
-        said = any(excluded(law, q) for q in without(tuple(parts), i))  # another has it in it
-        sizes = float(p.effect.n_free), 0.0 if said else float(law.effect.n_free)
-        reason = f"it has become {law}" + said * ", as another has it"
-        log.add(p, "simplified", False, *sizes, reason)
-        shape = next(iter(law.effect.shapes(objective.motion, law.at)), None)
+        said = _said(law, without(tuple(parts), i))
+        _note(log, p, law, said, False, "it has become")
         parts[i : i + 1] = [] if said else [law]
-        instead[i : i + 1] = [] if said else [Accepted(law, shape, ())]
+        instead[i : i + 1] = [] if said else [_accepted(law, objective)]
     return (instead, tuple(parts)) if became else (accepted, hypothesis)
 
 
@@ -72,23 +69,22 @@ def simplified(
         i = next(k for k, p in enumerate(now.hypothesis) if p.key == planted.key)
         present, rest = now.hypothesis[i], without(now.hypothesis, i)
         intervals = {name: e.ci95 for name, e in estimates.items()}
-        simpler_law = present.simpler(objective.motion, intervals)
-        if simpler_law is None:
+        law = present.simpler(objective.motion, intervals)
+        if law is None:
             continue
-        law = Planted(effects()[simpler_law[0]], present.at, simpler_law[1])
-        said = any(excluded(law, p) for p in rest)  # by another, which has that law in it
+        said = _said(law, rest)
         again = fitted(objective, rest if said else (*rest[:i], law, *rest[i:]))
         erring = erring_joints(objective, again)
         # legs err now by more and now by less than their noise: there only nats tell what is lost
         lost = -worth(objective, again, now)
         clean = (again.mse[erring] <= (1.0 + THRESHOLDS.material) * now.mse[erring]).all()
         simple_enough = lost < THRESHOLDS.min_nats or (not said and clean)
-        sizes = present.effect.n_free, 0 if said else law.effect.n_free
-        needed = f"its further parameters are not needed: {law}" + said * ", as another has it"
-        reason = needed if simple_enough else "needed"
-        log.add(present, "simplified", not simple_enough, float(sizes[0]), float(sizes[1]), reason)
+        why = "its further parameters are not needed:"
+        _note(log, present, law, said, not simple_enough, why)
         if simple_enough:
-            instead = () if said else (_by(law, accepted[i], present, objective),)
+            # the law is no rival of itself; the larger one may still be it
+            others = (r for r in accepted[i].rivals if r.key not in (law.key, present.key))
+            instead = () if said else (_accepted(law, objective, (present, *others)),)
             accepted, now = (*accepted[:i], *instead, *accepted[i + 1 :]), again
     if now is not estimated.assessed:
         estimated = estimate(objective, now.hypothesis)
@@ -125,9 +121,8 @@ def united(
                 log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
             if one:
                 keys = {p.key for p in rest}
-                shape = next(iter(effect.shapes(objective.motion, at)), None)
                 kept = [a for a in accepted if a.planted.key in keys]
-                accepted = (*kept, Accepted(law, shape, tuple(parts)))
+                accepted = (*kept, _accepted(law, objective, tuple(parts)))
                 estimated = again
     return accepted, estimated
 
@@ -139,10 +134,21 @@ def _union(effect: Uniting, parts: Sequence[Planted], objective: Objective) -> P
     return None if theta is None else Planted(effect, at, theta)
 
 
-def _by(law: Planted, before: Accepted, larger: Planted, objective: Objective) -> Accepted:
-    """An effect by a simpler law, which is no rival of itself; the larger one may still be it."""
-    return Accepted(
-        planted=law,
-        shape=next(iter(law.effect.shapes(objective.motion, law.at)), None),
-        rivals=(larger, *(r for r in before.rivals if r.key not in (law.key, larger.key))),
-    )
+def _said(law: Planted, others: Sequence[Planted]) -> bool:
+    """Tell whether another effect has a law in it already."""
+    return any(excluded(law, other) for other in others)
+
+
+def _note(
+    log: DecisionLog, larger: Planted, law: Planted, said: bool, kept: bool, why: str
+) -> None:
+    """Log whether a larger law stays beside its simpler one, by their numbers of parameters."""
+    sizes = float(larger.effect.n_free), 0.0 if said else float(law.effect.n_free)
+    reason = "needed" if kept else f"{why} {law}" + said * ", as another has it"
+    log.add(larger, "simplified", kept, *sizes, reason)
+
+
+def _accepted(law: Planted, objective: Objective, rivals: tuple[Planted, ...] = ()) -> Accepted:
+    """A law that takes the place of others, by the first of its shapes."""
+    shape = next(iter(law.effect.shapes(objective.motion, law.at)), None)
+    return Accepted(law, shape, rivals)
