@@ -303,6 +303,12 @@ def effects() -> Mapping[str, Effect]:
     return MappingProxyType(_EFFECTS)
 
 
+def forms_of(effect: Effect) -> tuple[Effect, ...]:
+    """All forms of a law, the usual one first; most have one only, itself."""
+    usual = effects().get(effect.id, effect)
+    return (usual, *usual.forms) if usual.forms else (effect,)
+
+
 @functools.cache
 def _imported() -> None:
     """Import every file of effects, so that each is registered."""

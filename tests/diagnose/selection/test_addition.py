@@ -35,6 +35,11 @@ LINK = """\
 <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1.2"/></body></worldbody>
 <actuator><{drive} name="servo" joint="hinge"/></actuator></mujoco>
 """
+STAGE = """\
+<mujoco><option timestep="0.001"/><worldbody><body name="carriage">
+<joint name="x" type="slide" damping="10"{hidden}/><geom size=".05" mass="1"/></body></worldbody>
+<actuator><velocity name="drive" joint="x" kv="100"/></actuator></mujoco>
+"""
 SERVO, MOTOR = 'position kp="90" kv="5"', "motor"
 RATE, NOISE = 100, 1e-5  # Hz; rad: so quiet that what is linear in the tolerances falls short
 
@@ -103,6 +108,32 @@ def test_a_spring_is_judged_on_the_model_as_it_is(tmp_path: Path) -> None:
     (spring,) = joined(tmp_path, hidden, MOTOR, 11.0, 1e-3, seed=1)
     assert spring.planted.effect.id == "joint.stiffness"
     assert spring.planted.theta == pytest.approx([3.2, 0.4], rel=0.02)
+
+
+def test_which_form_a_law_has_is_asked_near_its_parameters(tmp_path: Path) -> None:
+    """Friction that creeps by a tenth of the motion; from afar one form or the other may be ahead.
+
+    If it were kept for that, a dead band would leave less.
+    """
+    model = mujoco.MjModel.from_xml_string(STAGE.format(hidden=' frictionloss="15"'))
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    t = np.arange(12 * RATE) / RATE
+    rate, phase = rng.uniform(0.15, 1.2, 4), rng.uniform(0.0, 6.28, 4)
+    u = 0.1 * np.sin(2.0 * np.pi * t[:, None] * rate + phase).sum(axis=1)
+    x = np.empty(len(t))
+    for k in range(len(t)):
+        x[k], data.ctrl[:] = data.qpos[0], u[k]
+        mujoco.mj_step(model, data, 10)
+    x += 2e-5 * rng.standard_normal(len(t))
+    path = tmp_path / "stage.xml"
+    path.write_text(STAGE.format(hidden=""))
+    recording = Recording(t, {"qpos/x": x, "ctrl/drive": u})
+    fitted = smooth(Scene(path), [Part(recording, 0)])
+    objective = Objective(fitted, stretches_of(fitted, forgets=False), 1e-3, False)
+    (found,) = addition(Screen(fitted, 0), objective, objective.reference(()), [], DecisionLog(), 4)
+    assert found.planted.effect.id == "joint.friction_coulomb"
+    assert "creeps" in found.planted.effect.form
+    assert found.planted.theta == pytest.approx([15.0], rel=0.02)
 
 
 def test_in_the_place_of_an_effect_comes_what_acts_there_or_looks_alike(tmp_path: Path) -> None:

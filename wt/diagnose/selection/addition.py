@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Container, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,14 +18,14 @@ from wt.diagnose.likelihood.bic import earns, erring_joints, simplest, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import Slopes, all_slopes, around_itself, refine, together
 from wt.diagnose.residual.screen import Scored, Screen
-from wt.diagnose.result import Stage
 from wt.diagnose.selection.candidates import Start, candidates, dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.memory import Memory
 from wt.diagnose.selection.pairs import paired
+from wt.diagnose.selection.round_log import log_replays, log_screened
 from wt.diagnose.stop import StoppedError
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Shape, alternatives, effects
+from wt.physics.effect import Shape, alternatives, effects, forms_of
 from wt.physics.planted import Hypothesis, Key, Planted
 from wt.types import Location
 
@@ -183,7 +183,7 @@ def _tried(
     asked = functools.partial(_asked, banned, only)
     ranked = [s for s in screen.rank(_known(accepted), only) if asked(s.planted)]
     tried = narrowed([c for c in candidates(screen, ranked, objective, now) if asked(c[0])])
-    _log_screened(log, ranked, tried)
+    log_screened(log, ranked, tried)
     log.trying([p for p, _ in tried])
     fits = _replayed(screen, objective, now, [p for p, _ in tried])
     if fits:
@@ -204,7 +204,7 @@ def _earning(
         return None
     best = simplest(objective, fits, now)
     earning = best if earns(objective, best, now) else None
-    _log_replays(log, objective, fits, now, earning)
+    log_replays(log, objective, fits, now, earning)
     return earning
 
 
@@ -248,16 +248,6 @@ def _rivals(
     return [f for f in others if worth(objective, f, now) >= close], ahead + adapted - HOPELESS
 
 
-def _log_screened(
-    log: DecisionLog, ranked: Sequence[Scored], tried: Sequence[tuple[Planted, Shape | None]]
-) -> None:
-    """Log what the force residual shows too little of to be replayed."""
-    replayed = {p.key for p, _ in tried}
-    for s in (s for s in ranked if s.planted.key not in replayed):
-        least = THRESHOLDS.replay_share * ranked[0].gain
-        log.add(s.planted, "screened", False, s.gain, least, "not replayed: others show far more")
-
-
 def _replayed(
     screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
 ) -> list[Assessed]:
@@ -266,7 +256,14 @@ def _replayed(
     fits = _by_worth(objective, _refined(objective, starts, now, 1), now)
     leading = _leading(screen, fits, _searched(objective, now), _PROMISING, _EACH)
     rest = [f for f in fits if f not in leading]
-    return [*_refined(objective, [f.hypothesis for f in leading], now, 2), *rest]
+    # which form it has shows where its parameters are near: far off they decide alone
+    every_form = [
+        (*f.hypothesis[:-1], replace(f.hypothesis[-1], effect=form))
+        for f in leading
+        for form in forms_of(f.hypothesis[-1].effect)
+    ]
+    refined = _refined(objective, every_form, now, 2)
+    return [*_best_of_each(refined), *rest]
 
 
 def _finished(objective: Objective, fits: Sequence[Assessed], now: Assessed) -> list[Assessed]:
@@ -381,17 +378,23 @@ def _first_of_each(
     screen: Screen, objective: Objective, now: Assessed, additions: Sequence[Planted]
 ) -> list[Hypothesis]:
     """One start for each effect and place, the best of those that are given, and only the best."""
-    by_key: dict[Key, Assessed] = {}
-    for assessed in objective.evaluate([(*now.hypothesis, p) for p in additions]):
-        key = assessed.hypothesis[-1].key
-        if key not in by_key or assessed.loglik > by_key[key].loglik:
-            by_key[key] = assessed
+    best = _best_of_each(objective.evaluate([(*now.hypothesis, p) for p in additions]))
     # a start may be far off and its effect still right: a few that are worse than nothing stay
-    ordered = sorted(by_key.values(), key=lambda a: -a.loglik)
+    ordered = sorted(best, key=lambda a: -a.loglik)
     finite = [a for a in ordered if np.isfinite(a.loglik)]
     return [
         a.hypothesis for a in _leading(screen, finite, _searched(objective, now), _STARTS, _STARTED)
     ]
+
+
+def _best_of_each(fits: Sequence[Assessed]) -> list[Assessed]:
+    """The likeliest of those that end in the same effect at the same place."""
+    by_key: dict[Key, Assessed] = {}
+    for fit in fits:
+        key = fit.hypothesis[-1].key
+        if key not in by_key or fit.loglik > by_key[key].loglik:
+            by_key[key] = fit
+    return list(by_key.values())
 
 
 def _searched(objective: Objective, now: Assessed) -> list[int]:
@@ -411,34 +414,3 @@ def _leading(
         if i < overall or (dof in erring and count[dof] <= each):
             leaders.append(assessed)
     return leaders
-
-
-def _log_replays(
-    log: DecisionLog,
-    objective: Objective,
-    fits: Sequence[Assessed],
-    now: Assessed,
-    best: Assessed | None,
-) -> None:
-    """Log what became of each hypothesis that was replayed; ``best`` joins, if there is one."""
-    for fit in fits:
-        planted, gain = fit.hypothesis[-1], worth(objective, fit, now)
-        pair = len(fit.hypothesis) > len(now.hypothesis) + 1
-        partner = f", with {_seen_from(planted.at, fit.hypothesis[-2])}" if pair else ""
-        if best is None:
-            reason, threshold = "gains too little", THRESHOLDS.min_nats
-        elif fit is best:
-            reason, threshold = "the best addition", THRESHOLDS.min_nats
-        else:
-            winner = _seen_from(planted.at, best.hypothesis[-1])
-            reason, threshold = f"beaten by {winner}", worth(objective, best, now)
-        why = planted.wrong(objective.motion)
-        if why is not None:
-            reason = why
-        stage: Stage = "joined" if fit is best else "replayed"
-        log.add(planted, stage, fit is best, gain, threshold, reason + partner)
-
-
-def _seen_from(at: Location, planted: Planted) -> str:
-    """An effect in words at a place: without its own place where that is the same."""
-    return planted.effect.id if planted.at == at else str(planted)

@@ -13,7 +13,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.effect import Effect, effects
+from wt.physics.effect import Effect, forms_of
 from wt.physics.planted import Hypothesis
 
 
@@ -55,7 +55,5 @@ def _laws(accepted: tuple[Accepted, ...]) -> Hypothesis:
 
 def _others(found: Accepted) -> list[Effect]:
     """The forms of a law in which it was not found."""
-    found_as = found.planted.effect
-    usual = effects().get(found_as.id, found_as)  # a learned law has one
-    family = (usual, *usual.forms) if usual.forms else ()
-    return [form for form in family if form.form != found_as.form]
+    effect = found.planted.effect
+    return [form for form in forms_of(effect) if form.form != effect.form]
