@@ -32,6 +32,7 @@ TABLE = {
     "joint.hysteresis": [("stiffness", "N·m/rad"), ("yield", "N·m")],
     "joint.stop": [("position", "rad"), ("side", "±1")],
     "actuator.gain": [("factor", "-")],
+    "actuator.damping": [("factor", "-")],
     "actuator.bias": [("torque", "N·m")],
     "actuator.delay": [("delay", "s")],
     "actuator.lag": [("time_constant", "s")],

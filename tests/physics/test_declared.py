@@ -16,7 +16,10 @@ ALIKE = (
         "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
         "joint.friction_position", "joint.friction_stribeck",
     ),
-    ("joint.friction_viscous", "joint.friction_quadratic", "joint.friction_stribeck"),
+    (
+        "actuator.damping", "joint.friction_viscous", "joint.friction_quadratic",
+        "joint.friction_stribeck",
+    ),
     ("actuator.delay", "actuator.lag", "sensor.delay"),
     ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
     ("joint.stiffness", "joint.hysteresis", "actuator.bias"),
@@ -32,10 +35,17 @@ ALWAYS = {
     "actuator.gain",
     "actuator.delay",
 }
-OFTEN = {"joint.friction_quadratic", "body.payload_fixed", "body.mass", "body.com"}
+OFTEN = {
+    "actuator.damping",
+    "joint.friction_quadratic",
+    "body.payload_fixed",
+    "body.mass",
+    "body.com",
+}
 OVER = {
     "velocity": {
-        "actuator.delay", "actuator.lag", "actuator.speed_limit", "body.drag", "contact.friction",
+        "actuator.damping", "actuator.delay", "actuator.lag", "actuator.speed_limit",
+        "body.drag", "contact.friction",
         "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
         "joint.friction_quadratic",
         "joint.friction_stribeck", "joint.friction_viscous", "sensor.delay",

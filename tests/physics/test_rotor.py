@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.physics.effect import effects
-from wt.physics.hooks import shaped
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
@@ -126,14 +124,3 @@ def test_what_changes_losses_and_inertia_finds_them_where_the_split_put_them(las
     link, rotor = spec.joint("j1"), spec.joint("j1_rotor")
     assert (link.armature, rotor.armature) == pytest.approx((0.0, 0.015))
     assert (link.damping[0], rotor.damping[0]) == pytest.approx((0.1 * 0.24, 0.9 * 0.24))
-
-
-def test_no_rotor_has_less_than_nothing() -> None:
-    """Only what the model has of its inertia is taken away, and all of it is no odd end."""
-    armature = effects()["joint.armature"]
-    assert shaped(armature, ()) is armature
-    less = shaped(armature, (0.02,))
-    assert [end.tolist() for end in less.bounds()] == [[-0.02], [0.0]]
-    assert shaped(less, (0.02,)) is less and pickle.loads(pickle.dumps(less)) is less
-    assert Planted(less, AT, np.array([-0.02])).at_limit() is None
-    assert less.statement(AT, np.array([-0.015])).startswith("Joint j1 has 0.015 kg·m² less rotor")

@@ -208,6 +208,12 @@ TRUTHS = [
         (0.8,),
         edited((M1, 'gainprm="48" biastype="affine" biasprm="0 -48 -2.4"')),
     ),
+    Truth(
+        "actuator.damping",
+        _at("actuator", "m1"),
+        (0.4,),
+        edited((M1, 'gainprm="60" biastype="affine" biasprm="0 -60 -1.2"')),
+    ),
     Truth("actuator.bias", _at("actuator", "m1"), (0.7,), hook=push(lambda d: 0.7)),
     Truth(
         "actuator.delay",

@@ -73,6 +73,16 @@ def test_viscous_decay_of_small_swings() -> None:
     np.testing.assert_allclose(q[1:6] / q[:5], expected, rtol=2e-3)
 
 
+def test_a_servo_that_feeds_back_less_velocity_swings_as_one_with_less_friction() -> None:
+    """Of no velocity at all: what is left is the joint's own friction."""
+    kv = SERVO.links[0].kv
+    damped = law("actuator.damping", {"factor": 0.25}, "hinge_drive")
+    rubbing = law("joint.friction_viscous", {"coefficient": -0.75 * kv})
+    one, other = (run(pendulum(x), 0.3, 0.5, 0.0).fine_q for x in (damped, rubbing))
+    np.testing.assert_allclose(one, other, atol=1e-9)
+    assert one.max() > run(pendulum(), 0.3, 0.5, 0.0).fine_q.max() + 0.01
+
+
 def test_armature_slows_small_swings() -> None:
     added = 0.05
     trace = run(pendulum(law("joint.armature", {"inertia": added}), motor=True), 0.0, 4.0, 0.02)

@@ -306,7 +306,8 @@ def effects() -> Mapping[str, Effect]:
 def forms_of(effect: Effect) -> tuple[Effect, ...]:
     """All forms of a law, the usual one first; most have one only, itself."""
     usual = effects().get(effect.id, effect)
-    return (usual, *usual.forms) if usual.forms else (effect,)
+    family = (usual, *usual.forms)
+    return family if effect in family else (effect,)  # what is bound to recordings has one
 
 
 @functools.cache

@@ -94,6 +94,19 @@ def _stribeck(d: Draw) -> Parameters:
     return {"coulomb": coulomb, "static": coulomb * d.u(1.5, 2.2), "velocity": d.u(0.04, 0.12)}
 
 
+def _viscous(d: Draw) -> Parameters:
+    """More than the model has, or less where it has so much."""
+    size = 1.5 * d.torque / d.of("speed")
+    less = size < 0.9 * d.rig.links[d.joint].damping and d.u(0.0, 1.0) < 0.5
+    return {"coefficient": -size if less else size}
+
+
+def _damping(d: Draw) -> Parameters:
+    """Less of it, by as much torque as the level has."""
+    kv = d.rig.links[d.joint].kv
+    return {"factor": max(0.1, 1.0 - 1.5 * d.torque / (d.of("speed") * kv))}
+
+
 def _elasticity(d: Draw) -> Parameters:
     twist = d.seen(d.pick(0.02, 0.009, 0.004), d.noise)
     stiff = max(d.of("torque"), 0.15 * d.of("peak")) / twist
@@ -223,7 +236,7 @@ def _unbalance(d: Draw) -> Parameters:
 
 MAGNITUDES: dict[str, Magnitudes] = {
     "joint.friction_coulomb": lambda d: {"coulomb": d.torque},
-    "joint.friction_viscous": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
+    "joint.friction_viscous": _viscous,
     "joint.friction_quadratic": lambda d: {"coefficient": 2.0 * d.torque / d.of("speed") ** 2},
     "joint.friction_stribeck": _stribeck,
     "joint.friction_load": lambda d: {
@@ -240,6 +253,7 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "joint.hysteresis": _hysteresis,
     "joint.stop": _stop,
     "actuator.gain": _gain,
+    "actuator.damping": _damping,
     "actuator.bias": lambda d: {"torque": d.sign() * d.torque},
     "actuator.delay": lambda d: {"delay": _delay(d)},
     "actuator.lag": lambda d: {"time_constant": 1.3 * _delay(d)},

@@ -58,6 +58,18 @@ class HiddenGain(TorqueLaw):
         return self.number("factor") * tau
 
 
+class HiddenDamping(TorqueLaw):
+    """−kv·v → −factor·kv·v: what is no longer fed back is pushed."""
+
+    def bind(self, plant: Plant) -> None:
+        """The drive's own gain."""
+        self._kv = float(plant.kv[plant.index(self.place)])
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class."""
+        return tau + (1.0 - self.number("factor")) * self._kv * v
+
+
 class HiddenBias(TorqueLaw):
     """τ → τ + torque."""
 
@@ -197,6 +209,7 @@ LAWS: dict[str, type[HiddenLaw]] = {
     "actuator.delay": HiddenDelay,
     "actuator.lag": HiddenLag,
     "actuator.gain": HiddenGain,
+    "actuator.damping": HiddenDamping,
     "actuator.bias": HiddenBias,
     "actuator.saturation": HiddenSaturation,
     "actuator.speed_limit": HiddenSpeedLimit,

@@ -29,6 +29,7 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "joint.hysteresis": ("stiffness", "yield"),
     "joint.stop": ("position", "side"),
     "actuator.gain": ("factor",),
+    "actuator.damping": ("factor",),
     "actuator.bias": ("torque",),
     "actuator.delay": ("delay",),
     "actuator.lag": ("time_constant",),

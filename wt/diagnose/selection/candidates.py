@@ -13,7 +13,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.screen import Scored, Screen
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.acting import is_live
-from wt.physics.effect import Shape, alternatives, effects
+from wt.physics.effect import Shape, alternatives, effects, forms_of
 from wt.physics.planted import Planted
 from wt.types import Location
 
@@ -60,7 +60,8 @@ def candidates(
         effect = s.planted.effect
         starts = effect.starts(screen.motion, s.planted.at)
         proposals += [(replace(s.planted, theta=theta), s.shape) for theta in starts]
-        proposals += [(replace(s.planted, effect=form), s.shape) for form in effect.forms]
+        others = [form for form in forms_of(effect) if form is not effect]
+        proposals += [(replace(s.planted, effect=form), s.shape) for form in others]
     proposals += [(p, None) for p in _replay_only(screen, worst)]
     somewhere = (-1, *improvable(objective, now))
     return [

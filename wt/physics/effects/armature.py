@@ -7,16 +7,15 @@ be too much: a machine without any has a light gear, and none is lighter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import cache
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.hooks import FromRecordings, Tolerance, Tolerated
+from wt.physics.effect import Parameter, Shape, register
+from wt.physics.hooks import Tolerance, Tolerated
+from wt.physics.less import OrLess
 from wt.physics.motion import Motion
 from wt.physics.rotor import motor
 from wt.physics.scene import Scene
@@ -27,12 +26,8 @@ _OFF = 0.03  # of the whole inertia: half the rotor's is rarely published
 
 
 @register
-class Armature(FromRecordings, Tolerated):
-    """τ = −inertia · a.
-
-    The shape () adds it to the model's own. The shape of one figure, which is the rotor's inertia
-    in the model, takes away from that, see :class:`_Less`.
-    """
+class Armature(OrLess, Tolerated):
+    """τ = −inertia · a."""
 
     id = "joint.armature"
     kind = "joint"
@@ -41,16 +36,10 @@ class Armature(FromRecordings, Tolerated):
     signed = (1,)
     looks_like = ("inertia",)
     plotted_over = "acceleration"
-    read_off = 1
 
-    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """More of it, and less where the model has any."""
-        own = float(motion.scene.model.dof_armature[motion.scene.dof(at.name)])
-        return [(), (own,)] if own > 0.0 else [()]
-
-    def shaped(self, shape: Shape) -> Effect:
-        """Less of what the model has, where that is how much it has."""
-        return _less(*shape) if shape else self
+    def has(self, scene: Scene, at: Location) -> float:
+        """The joint's ``armature``."""
+        return float(scene.model.dof_armature[scene.dof(at.name)])
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -86,37 +75,9 @@ class Armature(FromRecordings, Tolerated):
     ) -> str:
         """See :meth:`Effect.statement`."""
         unit, what = units.of("kg·m²"), "moving mass" if units.slide else "rotor inertia"
-        return f"Joint {at.name} has {theta[0]:.3g} {unit} more {what} than the model."
+        how = "less" if theta[0] < 0.0 else "more"
+        return f"Joint {at.name} has {abs(theta[0]):.3g} {unit} {how} {what} than the model."
 
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"fast small oscillations of {at.name}"
-
-
-class _Less(Armature):
-    """The same where the model has too much of it: at most all."""
-
-    signed = (-1,)
-
-    def __init__(self, own: float) -> None:
-        """Take away from a rotor's inertia [kg·m²]."""
-        (added,) = Armature.parameters
-        less = replace(added, lower=-own, upper=0.0, all_there_is=True)
-        self.__dict__["parameters"] = (less,)  # instead of the class's
-        self._own = own
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """One for each size, in every process."""
-        return _less, (self._own,)
-
-    def statement(
-        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
-    ) -> str:
-        """See :meth:`Effect.statement`."""
-        unit, what = units.of("kg·m²"), "moving mass" if units.slide else "rotor inertia"
-        return f"Joint {at.name} has {-theta[0]:.3g} {unit} less {what} than the model."
-
-
-@cache
-def _less(own: float) -> _Less:
-    return _Less(own)

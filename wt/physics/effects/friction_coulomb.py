@@ -1,4 +1,4 @@
-"""Dry friction of constant size against the motion."""
+"""Dry friction of constant size against the motion, that the model lacks or has too much of."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import add_dry_friction
+from wt.physics.less import OrLess
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 
 @register
-class FrictionCoulomb(Effect):
+class FrictionCoulomb(OrLess):
     """τ = −coulomb · sign(v)."""
 
     id = "joint.friction_coulomb"
@@ -25,6 +27,10 @@ class FrictionCoulomb(Effect):
     looks_like = ("dry friction",)
     common = "always"
     plotted_over = "velocity"
+
+    def has(self, scene: Scene, at: Location) -> float:
+        """The joint's ``frictionloss``."""
+        return float(scene.model.dof_frictionloss[scene.dof(at.name)])
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -42,14 +48,20 @@ class FrictionCoulomb(Effect):
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """Add to the joint's ``frictionloss``; a rival may take away from it."""
-        if theta[0] != 0.0:
+        """Add to the joint's ``frictionloss``, or take from it, which leaves how that creeps."""
+        if theta[0] > 0.0:
             add_dry_friction(spec, at.name, float(theta[0]))
+        else:
+            element = spec.joint(at.name)
+            element.frictionloss = max(0.0, element.frictionloss + float(theta[0]))
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
     ) -> str:
         """See :meth:`Effect.statement`."""
+        if theta[0] < 0.0:
+            size = f"{-theta[0]:.3g} {units.force}"
+            return f"Joint {at.name} loses {size} less to dry friction than the model says."
         return (
             f"Joint {at.name} loses {theta[0]:.3g} {units.force} to dry friction that the model "
             "leaves out."

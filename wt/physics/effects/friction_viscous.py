@@ -1,4 +1,8 @@
-"""Friction in proportion to speed."""
+"""Friction in proportion to speed, that the model lacks or has too much of.
+
+Dampers of a model are often guesses, made so that it does not tremble. Only what the model has of
+them can be too much.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Tolerance, Tolerated
+from wt.physics.less import OrLess
 from wt.physics.motion import Motion
 from wt.physics.rotor import braked
 from wt.physics.scene import Scene
@@ -20,7 +25,7 @@ _OFF = 0.1  # standard deviation of a model's damping, as a share
 
 
 @register
-class FrictionViscous(Tolerated):
+class FrictionViscous(OrLess, Tolerated):
     """τ = −coefficient · v."""
 
     id = "joint.friction_viscous"
@@ -31,6 +36,10 @@ class FrictionViscous(Tolerated):
     looks_like = ("friction by speed",)
     common = "always"
     plotted_over = "velocity"
+
+    def has(self, scene: Scene, at: Location) -> float:
+        """The linear part of the joint's ``damping``."""
+        return float(scene.model.dof_damping[scene.dof(at.name)])
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -62,6 +71,9 @@ class FrictionViscous(Tolerated):
     ) -> str:
         """See :meth:`Effect.statement`."""
         unit = units.of("N·m·s/rad")
+        if theta[0] < 0.0:
+            size = f"{-theta[0]:.3g} {unit}"
+            return f"Joint {at.name} has {size} less viscous friction than the model."
         return f"Joint {at.name} has {theta[0]:.3g} {unit} of viscous friction not in the model."
 
     def separation(self, at: Location, units: Units = HINGE) -> str:
