@@ -89,6 +89,7 @@ class Parameter:
         prior_std: spread of a prior on each step, for where data hardly tell it, see ``refine``.
         of_joint: whether its unit follows the joint; not so where an angle is no joint's.
         all_there_is: whether its ends are natural ones: there is no more to be had, or taken away.
+        comes_round: whether it is an angle of which values a turn apart are the same.
     """
 
     name: str
@@ -103,6 +104,7 @@ class Parameter:
     prior_std: float = np.inf
     of_joint: bool = True
     all_there_is: bool = False
+    comes_round: bool = False
 
     def unit_in(self, units: Units) -> str:
         """Its unit among those of a place."""

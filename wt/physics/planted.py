@@ -94,10 +94,10 @@ class Planted:
         there is), and where angles come round.
         """
         for p, rows in self.effect.rows():
-            if p.neutral is None or p.all_there_is:
+            if p.neutral is None or p.all_there_is or p.comes_round:
                 continue
             for end in (p.lower, p.upper):
-                natural = end in (0.0, 1.0, max(p.neutral, p.lower)) or abs(end) == 2.0 * np.pi
+                natural = end in (0.0, 1.0, max(p.neutral, p.lower))
                 near = _NEAR_LIMIT * (abs(end) if p.neutral == 1.0 else p.upper - p.lower)
                 if not natural and np.any(np.abs(self.theta[rows] - end) <= near):
                     return p.name

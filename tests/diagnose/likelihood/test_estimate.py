@@ -13,12 +13,12 @@ import pytest
 from tests.diagnose.hidden_forces import STEP, chain, record, world
 from wt.diagnose.likelihood.estimate import (
     Estimated,
-    _named,
     distances_from_nothing,
     estimate,
     fitted,
     least_spread,
 )
+from wt.diagnose.likelihood.named import named
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.tolerances import absorbed, alike, tolerances
 from wt.diagnose.recordings.samples import Part
@@ -151,10 +151,10 @@ def test_a_vector_is_nothing_where_all_of_it_may_be() -> None:
     assert nearest_to_nothing(known) == 0
 
 
-def named(force: Planted, half: np.ndarray, visible: np.ndarray | None = None) -> Estimate:
+def of_force(force: Planted, half: np.ndarray, visible: np.ndarray | None = None) -> Estimate:
     ends, smallest = (force.theta - half, force.theta + half), np.full(3, 0.01)
     visible = np.eye(3) if visible is None else visible
-    return _named(force, HINGE, *ends, smallest, visible)["force"]
+    return named(force, HINGE, *ends, smallest, visible)["force"]
 
 
 def planted(name: str, *theta: float) -> Planted:
@@ -191,14 +191,14 @@ def test_laws_that_stand_for_another_are_known_less_well() -> None:
 def test_a_vector_is_unknown_as_a_whole_and_not_for_one_component_that_may_be_nothing() -> None:
     force = Planted(effects()["body.force"], J, np.array([4.8, 2.0, -0.3]))
     wide = np.array([0.4, 0.6, 2.6])
-    assert not named(force, wide).warning
-    assert named(force, 3.0 * wide).warning
+    assert not of_force(force, wide).warning
+    assert of_force(force, 3.0 * wide).warning
 
 
 def test_what_joints_cannot_show_is_open_and_no_reason_to_doubt_the_rest() -> None:
     force = Planted(effects()["body.force"], J, np.array([4.8, 0.0, -0.3]))
     half = np.array([0.4, 0.0, 0.3])
-    found = named(force, half, np.diag([1.0, 0.0, 1.0]))
+    found = of_force(force, half, np.diag([1.0, 0.0, 1.0]))
     assert found.unshown == ("y",)
     assert not found.warning
     (low, high), bounds = found.ci95, force.effect.bounds()
@@ -234,7 +234,7 @@ def test_what_makes_a_difference_has_both_ends(tmp_path: Path, truth: float) -> 
 def test_a_choice_has_no_interval() -> None:
     stop = planted("joint.stop", 0.8, -1.0)
     ends = stop.theta - np.array([0.1, 3.0]), stop.theta + np.array([0.1, 3.0])
-    found = _named(stop, HINGE, *ends, np.full(2, 0.01), np.eye(2))
+    found = named(stop, HINGE, *ends, np.full(2, 0.01), np.eye(2))
     assert found["position"].ci95 == pytest.approx((0.7, 0.9))
     assert found["side"].ci95 == (-1.0, -1.0)
     assert not found["side"].warning

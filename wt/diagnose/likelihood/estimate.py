@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from wt.diagnose.likelihood.named import named
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import (
     bounds,
@@ -28,13 +29,13 @@ from wt.diagnose.likelihood.refine import (
     steps,
     unpack,
 )
-from wt.diagnose.likelihood.shown import hidden_axes, shown
+from wt.diagnose.likelihood.shown import shown
 from wt.diagnose.likelihood.tolerances import absorbed, alike, boxes
 from wt.diagnose.result import Estimate
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Parameter
-from wt.physics.planted import Hypothesis, Planted
-from wt.physics.units import Units, units_at
+from wt.physics.planted import Hypothesis
+from wt.physics.units import units_at
 
 BLOCK_S = 2.0
 """Length of a block [s]: longer than a servo's or a gravity-loaded joint's memory."""
@@ -110,7 +111,7 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
         planted = now.hypothesis[i]
         units = units_at(objective.scene, planted.at)
         estimates.append(
-            _named(planted, units, low[rows], high[rows], smallest[rows], visible[rows, rows])
+            named(planted, units, low[rows], high[rows], smallest[rows], visible[rows, rows])
         )
     return Estimated(now, tuple(estimates), combined)
 
@@ -384,64 +385,3 @@ def _numerical_score(
     both = np.concatenate([slope, objective.columns], axis=2)
     error = objective.channels.precision(now.variance) * objective.numerical_error(now)
     return np.asarray(np.einsum("ijk,ij->k", both, error))
-
-
-def _named(
-    planted: Planted,
-    units: Units,
-    low: Float[np.ndarray, " parameter"],
-    high: Float[np.ndarray, " parameter"],
-    smallest: Float[np.ndarray, " parameter"],
-    visible: Float[np.ndarray, "parameter parameter"],
-) -> dict[str, Estimate]:
-    lower, upper = planted.effect.bounds()
-    estimates: dict[str, Estimate] = {}
-    for p, rows in planted.effect.rows():
-        if not p.public:
-            continue
-        value, ends, span = planted.theta[rows], (low[rows], high[rows]), (lower[rows], upper[rows])
-        if not p.step:
-            chosen = _plain(value, bool(p.axes))
-            estimates[p.name] = Estimate(chosen, p.unit_in(units), (chosen, chosen))
-            continue
-        hidden = hidden_axes(visible[rows, rows]) if p.axes else []
-        known = np.setdiff1d(np.arange(p.size), hidden)
-        warning = _warning(
-            value[known],
-            (ends[0][known], ends[1][known]),
-            (span[0][known], span[1][known]),
-            float(smallest[rows].max()),
-        )
-        for end, admissible in zip(ends, span, strict=True):
-            end[hidden] = admissible[hidden]
-        estimates[p.name] = Estimate(
-            _plain(value, bool(p.axes)),
-            p.unit_in(units),
-            (_plain(ends[0], bool(p.axes)), _plain(ends[1], bool(p.axes))),
-            warning,
-            tuple(p.axes[i] for i in hidden),
-        )
-    for name, (unit, values) in planted.observed().items():
-        estimates[name] = Estimate(values, units.of(unit), (values, values))
-    return estimates
-
-
-def _warning(
-    value: Float[np.ndarray, " component"],
-    ends: tuple[Float[np.ndarray, " component"], Float[np.ndarray, " component"]],
-    admissible: tuple[Float[np.ndarray, " component"], Float[np.ndarray, " component"]],
-    smallest: float,
-) -> str:
-    """Why an estimate should not be trusted, given its interval; "" if it should."""
-    span = admissible[1] - admissible[0]
-    at_bound = (value - admissible[0] < 1e-3 * span) | (admissible[1] - value < 1e-3 * span)
-    if at_bound.any() and (np.abs(value) > 1e-3 * span).any():
-        return "at the bound of what is admissible: the law may be another one"
-    # a vector as a whole: one of its components may well be nothing
-    if np.linalg.norm(ends[1] - ends[0]) > 2.0 * max(float(np.linalg.norm(value)), smallest):
-        return "not identifiable from these recordings: the interval is wider than the value"
-    return ""
-
-
-def _plain(value: Float[np.ndarray, " component"], vector: bool) -> float | tuple[float, ...]:
-    return tuple(float(x) for x in value) if vector else float(value[0])

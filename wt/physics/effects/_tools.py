@@ -28,6 +28,15 @@ _HEAVIEST, _BEYOND, _MOUNT = 10.0, 2.0, 0.05
 """A load is no heavier than so many machines, and sits within so many radii of what carries it, and
 so much for its mount [m]."""
 
+TURN = (-2.0 * np.pi, 2.0 * np.pi)
+"""Bounds of an angle that comes round [rad]: a turn more than it takes, either way."""
+
+
+def bearing(angle: float) -> str:
+    """An angle [rad] that comes round in degrees, from −180 to 180, e.g. ``"-3.1°"``."""
+    degrees = np.degrees(np.angle(np.exp(1j * angle)))
+    return f"{round(float(degrees), 1) + 0.0:g}°"
+
 
 def free_of_limits(motion: Motion, drive: Drive) -> Float[np.ndarray, " sample"]:
     """1 where a drive's force is inside the model's force range and 0 where clipped, (T,)."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
-from wt.physics.effects._tools import passive
+from wt.physics.effects._tools import TURN, passive
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
@@ -28,7 +28,7 @@ class ActuatorRipple(Effect):
     parameters = (
         Parameter("amplitude", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("cycles", "1/rev", 1.0, 500.0, 1e-3),
-        Parameter("phase", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3, of_joint=False),
+        Parameter("phase", "rad", *TURN, 1e-3, of_joint=False, comes_round=True),
     )
     reference = "MuJoCo XML reference, actuator/dcmotor/cogging"
     signed = (0, 0)

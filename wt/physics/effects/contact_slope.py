@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, register
+from wt.physics.effects._tools import TURN, bearing
 from wt.physics.ground import planes, turned
 from wt.physics.motion import Motion
 from wt.physics.parts import compiled
@@ -29,7 +30,7 @@ class ContactSlope(ReplayOnly):
     kind = "geom"
     parameters = (
         Parameter("angle", "rad", 0.0, 0.7, 1e-4, neutral=0.0),
-        Parameter("direction", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
+        Parameter("direction", "rad", *TURN, 1e-3, comes_round=True),
         Parameter("height", "m", -1.0, 1.0, 1e-4, neutral=0.0),
     )
     reference = "M. A. Fischler and R. C. Bolles, Random sample consensus, 1981"
@@ -61,11 +62,10 @@ class ContactSlope(ReplayOnly):
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
     ) -> str:
         """See :meth:`Effect.statement`."""
-        angle, direction = np.degrees(theta[:2])
         return (
-            f"The ground {at.name} falls by {angle:.3g}° towards {direction:.3g}° (from the "
-            f"world's x to its y), {1e3 * theta[2]:.3g} mm higher at its origin than the model "
-            "says."
+            f"The ground {at.name} falls by {np.degrees(theta[0]):.3g}° towards "
+            f"{bearing(theta[1])} (from the world's x to its y), {1e3 * theta[2]:.3g} mm higher at "
+            "its origin than the model says."
         )
 
     def separation(self, at: Location, units: Units = HINGE) -> str:

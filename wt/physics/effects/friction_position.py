@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._bristle import BristleFriction, brake
-from wt.physics.effects._tools import add_dry_friction
+from wt.physics.effects._tools import TURN, add_dry_friction
 from wt.physics.hooks import Beyond, Intervals, Nested
 from wt.physics.live import Figures, Law, Values, in_laws
 from wt.physics.motion import Motion
@@ -47,7 +47,7 @@ class FrictionPosition(Nested, BristleFriction):
         Parameter("coulomb", "N·m", 0.0, 1e8, 1e-3, neutral=0.0),
         Parameter("depth", "-", 0.0, 1.0, 1e-2, neutral=0.0),
         Parameter("wavelength", "rad", 1e-3, 1e3, 1e-2),
-        Parameter("phase", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-2, of_joint=False),
+        Parameter("phase", "rad", *TURN, 1e-2, of_joint=False, comes_round=True),
     )
     reference = (
         "B. Armstrong, Friction: experimental determination, modeling and compensation, IEEE "

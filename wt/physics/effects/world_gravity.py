@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Effect, Parameter, Shape, register
+from wt.physics.effects._tools import TURN, bearing
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units
 from wt.types import Location
@@ -23,7 +24,7 @@ class WorldGravity(Effect):
     kind = "world"
     parameters = (
         Parameter("angle", "rad", 0.0, 1.5, 1e-4, neutral=0.0),
-        Parameter("direction", "rad", -2.0 * np.pi, 2.0 * np.pi, 1e-3),
+        Parameter("direction", "rad", *TURN, 1e-3, comes_round=True),
     )
     reference = "MuJoCo XML reference, option/gravity"
     signed = (0, 0)
@@ -64,10 +65,9 @@ class WorldGravity(Effect):
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
     ) -> str:
         """See :meth:`Effect.statement`."""
-        tilt, direction = np.degrees(theta)
         return (
-            f"Gravity is tilted by {tilt:.3g}° towards {direction:.3g}° (from the world's x to "
-            "its y): the robot does not stand as the model says."
+            f"Gravity is tilted by {np.degrees(theta[0]):.3g}° towards {bearing(theta[1])} (from "
+            "the world's x to its y): the robot does not stand as the model says."
         )
 
     def separation(self, at: Location, units: Units = HINGE) -> str:
