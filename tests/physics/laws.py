@@ -150,6 +150,18 @@ def late(drives: slice = slice(1, 2)) -> Hook:
     return hook
 
 
+def ahead(coefficient: float = 2.0, steps: int = 5) -> Hook:
+    """The command's difference over some steps as a velocity, into the joint."""
+    memory: list[float] = []
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        memory.append(float(data.ctrl[1]))
+        rate = (memory[-1] - memory[max(0, len(memory) - 1 - steps)]) / (steps * H)
+        data.qfrc_applied[1] += coefficient * rate
+
+    return hook
+
+
 def at_com(model: mujoco.MjModel, data: mujoco.MjData, force: Array) -> None:
     data.xfrc_applied[model.body("b2").id, :3] += force
 

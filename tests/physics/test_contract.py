@@ -33,6 +33,7 @@ TABLE = {
     "joint.stop": [("position", "rad"), ("side", "±1")],
     "actuator.gain": [("factor", "-")],
     "actuator.damping": [("factor", "-")],
+    "actuator.feedforward": [("coefficient", "N·m·s/rad")],
     "actuator.bias": [("torque", "N·m")],
     "actuator.delay": [("delay", "s")],
     "actuator.lag": [("time_constant", "s")],

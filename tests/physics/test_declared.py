@@ -17,8 +17,8 @@ ALIKE = (
         "joint.friction_position", "joint.friction_stribeck",
     ),
     (
-        "actuator.damping", "joint.friction_viscous", "joint.friction_quadratic",
-        "joint.friction_stribeck",
+        "actuator.damping", "actuator.feedforward", "joint.friction_viscous",
+        "joint.friction_quadratic", "joint.friction_stribeck",
     ),
     ("actuator.delay", "actuator.lag", "sensor.delay"),
     ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
@@ -37,6 +37,7 @@ ALWAYS = {
 }
 OFTEN = {
     "actuator.damping",
+    "actuator.feedforward",
     "joint.friction_quadratic",
     "body.payload_fixed",
     "body.mass",
@@ -44,7 +45,8 @@ OFTEN = {
 }
 OVER = {
     "velocity": {
-        "actuator.damping", "actuator.delay", "actuator.lag", "actuator.speed_limit",
+        "actuator.damping", "actuator.delay", "actuator.feedforward", "actuator.lag",
+        "actuator.speed_limit",
         "body.drag", "contact.friction",
         "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
         "joint.friction_quadratic",

@@ -20,6 +20,7 @@ from tests.physics.laws import (
     LINK_ONLY,
     M1,
     TILT,
+    ahead,
     along,
     belted,
     carried,
@@ -213,6 +214,13 @@ TRUTHS = [
         _at("actuator", "m1"),
         (0.4,),
         edited((M1, 'gainprm="60" biastype="affine" biasprm="0 -60 -1.2"')),
+    ),
+    Truth(
+        "actuator.feedforward",
+        _at("actuator", "m1"),
+        (2.0, 0.0025),
+        hook=lambda: ahead(),
+        shape=(0.0025,),
     ),
     Truth("actuator.bias", _at("actuator", "m1"), (0.7,), hook=push(lambda d: 0.7)),
     Truth(

@@ -83,6 +83,22 @@ def test_a_servo_that_feeds_back_less_velocity_swings_as_one_with_less_friction(
     assert one.max() > run(pendulum(), 0.3, 0.5, 0.0).fine_q.max() + 0.01
 
 
+def test_feedforward_of_all_its_damping_lets_a_servo_follow_without_lag() -> None:
+    """A light load at a constant speed: the servo's own damping takes speed · kv."""
+    kv, speed = SERVO.links[0].kv, 0.5
+    ramp = lambda t: speed * math.floor(t * 100.0) / 100.0  # noqa: E731 – held for 10 ms
+    ahead = law("actuator.feedforward", {"coefficient": kv}, "hinge_drive")
+    lags = [speed * 1.0 - run(pendulum(*laws), ramp, 1.001, 0.0).fine_q[-1, 0]
+            for laws in ((), (ahead,))]  # fmt: skip
+    assert lags[0] - lags[1] == pytest.approx(kv * speed / (KP + MGL * math.cos(0.5)), rel=0.03)
+
+
+def test_feedforward_ends_with_the_motion() -> None:
+    ahead = law("actuator.feedforward", {"coefficient": 5.0}, "hinge_drive")
+    moved = run(pendulum(ahead), lambda t: 0.3 * (t >= 0.2), 1.5, 0.0).fine_q[-1, 0]
+    assert moved == pytest.approx(rest(u=0.3), abs=1e-5)
+
+
 def test_armature_slows_small_swings() -> None:
     added = 0.05
     trace = run(pendulum(law("joint.armature", {"inertia": added}), motor=True), 0.0, 4.0, 0.02)

@@ -254,6 +254,7 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "joint.stop": _stop,
     "actuator.gain": _gain,
     "actuator.damping": _damping,
+    "actuator.feedforward": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
     "actuator.bias": lambda d: {"torque": d.sign() * d.torque},
     "actuator.delay": lambda d: {"delay": _delay(d)},
     "actuator.lag": lambda d: {"time_constant": 1.3 * _delay(d)},

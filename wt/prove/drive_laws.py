@@ -70,6 +70,30 @@ class HiddenDamping(TorqueLaw):
         return tau + (1.0 - self.number("factor")) * self._kv * v
 
 
+class HiddenFeedforward(CommandLaw):
+    """Firmware that adds coefficient·(difference of the last two commands / their distance).
+
+    It is a command that is ahead, for a servo that pushes kp for it.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """The servo's stiffness; no command has come yet."""
+        self._ahead = self.number("coefficient") / float(plant.kp[plant.index(self.place)])
+        self._h, self._last, self._rate = plant.h, math.nan, 0.0
+        self._since, self._least = 0, math.inf
+
+    def command(self, u: float) -> float:
+        """Commands come as often as they ever did; one that lasts longer has no rate any more."""
+        self._since += 1
+        if u != self._last and not math.isnan(self._last):
+            self._least = min(self._least, self._since)
+            self._rate, self._since = (u - self._last) / (self._least * self._h), 0
+        elif self._since >= self._least:
+            self._rate = 0.0
+        self._last = u
+        return u + self._ahead * self._rate
+
+
 class HiddenBias(TorqueLaw):
     """τ → τ + torque."""
 
@@ -210,6 +234,7 @@ LAWS: dict[str, type[HiddenLaw]] = {
     "actuator.lag": HiddenLag,
     "actuator.gain": HiddenGain,
     "actuator.damping": HiddenDamping,
+    "actuator.feedforward": HiddenFeedforward,
     "actuator.bias": HiddenBias,
     "actuator.saturation": HiddenSaturation,
     "actuator.speed_limit": HiddenSpeedLimit,

@@ -30,6 +30,7 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "joint.stop": ("position", "side"),
     "actuator.gain": ("factor",),
     "actuator.damping": ("factor",),
+    "actuator.feedforward": ("coefficient",),
     "actuator.bias": ("torque",),
     "actuator.delay": ("delay",),
     "actuator.lag": ("time_constant",),

@@ -49,6 +49,7 @@ _LATER = (
     ("joint.friction_directional", "arm3"), ("joint.friction_directional", "pendulum"),
     ("pair.spring", "arm6"), ("pair.spring", "arm3"),
     ("actuator.damping", "arm6"), ("actuator.damping", "arm3"),
+    ("actuator.feedforward", "arm6"), ("actuator.feedforward", "arm3"),
     ("world.gravity_compensation", "arm3"), ("world.gravity_compensation", "arm6"),
     ("pair.crosstalk", "arm3"), ("pair.crosstalk", "arm6"),
     ("joint.force_intermittent", "arm3"), ("joint.force_intermittent", "arm6"),
