@@ -32,9 +32,13 @@ GIVEN = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbod
 TRUE = GIVEN.replace('armature=".04"', f'armature="{0.04 + ROTOR}" frictionloss="{DRY}"')
 
 
-def recorded(seed: int) -> Recording:
+LATE = 0.03  # s
+TARDY = GIVEN.replace('kp="', f'delay="{LATE}" nsample="152" interp="linear" kp="')
+
+
+def recorded(seed: int, true: str = TRUE) -> Recording:
     """An arm that is steered in steps and waves, logged as seldom as it is steered."""
-    model = mujoco.MjModel.from_xml_string(TRUE)
+    model = mujoco.MjModel.from_xml_string(true)
     model.opt.timestep = STEP
     data, rng = mujoco.MjData(model), np.random.default_rng(seed)
     t = np.arange(round(SECONDS * RATE)) / RATE
@@ -68,6 +72,17 @@ def test_a_rotor_that_is_found_leaves_the_encoders_noise_in_all_recordings(model
     assert found.whole().noise == pytest.approx([NOISE, NOISE], rel=0.2)
     rubs = Planted(effects()["joint.friction_coulomb"], at, np.array([DRY]))
     assert split.beside((rubs,)) is split
+
+
+def test_commands_that_are_found_to_be_late_leave_the_encoders_noise(model: Path) -> None:
+    both = [recorded(seed, TARDY) for seed in (0, 1)]
+    scene, prepared = audited(model, both, (), Pace(None, None))
+    split = split_of(scene, prepared, 0, DecisionLog(), Pace(None, None))
+    every = Location("actuator", "all")
+    found = split.beside((Planted(effects()["actuator.delay"], every, np.array([LATE])),))
+    for given, now in ((split.fitted, found.fitted), (split.held_out, found.held_out)):
+        assert given.noise[1] > 2.0 * NOISE
+        assert now.noise == pytest.approx([NOISE, NOISE], rel=0.2)
 
 
 def test_friction_that_a_wrong_inertia_hid_is_found_beside_it(model: Path) -> None:

@@ -180,6 +180,36 @@ def test_once_a_rotor_is_found_states_are_those_beside_its_response(
     assert whole.noise == pytest.approx(found.noise)
 
 
+LATE = Planted(effects()["actuator.delay"], Location("actuator", "all"), np.array([0.007]))
+SLOW = Planted(effects()["actuator.lag"], Location("actuator", "b"), np.array([0.02]))
+
+
+@pytest.mark.parametrize(
+    ("found", "joint", "true"),
+    [
+        (LATE, 0, ('kp="', 'delay="0.007" nsample="72" interp="linear" kp="')),
+        (LATE, 1, ('kp="', 'delay="0.007" nsample="72" interp="linear" kp="')),
+        (SLOW, 1, ('kp="20"', 'timeconst="0.02" kp="20"')),
+    ],
+    ids=["late-a", "late-b", "slow-b"],
+)
+def test_once_commands_are_known_to_be_late_states_are_beside_what_arrives(
+    found: Planted, joint: int, true: tuple[str, str], tmp_path: Path
+) -> None:
+    """A quiet encoder at 50 Hz seemed several times as noisy with commands 7 ms late."""
+    recording, v = recorded(arm("position").replace(*true), 50.0, noise=1e-5)
+    parts = [Part(recording, 0)]
+    given = smoothed(tmp_path, arm("position"), recording)
+    now = beside(given, parts, (found,))
+    assert given.noise[joint] > 1.5 * now.noise[joint]
+    assert now.noise[joint] == pytest.approx(1e-5, rel=0.35)
+    before, after = (
+        np.sqrt(np.mean((each.at_samples[0][1] - v)[20:-20, joint] ** 2)) for each in (given, now)
+    )
+    assert after < 0.2 * before
+    assert smooth(given.motion.scene, parts, known=(found,)).noise == pytest.approx(now.noise)
+
+
 @pytest.mark.parametrize(
     ("found", "rate"),
     [

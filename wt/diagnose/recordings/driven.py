@@ -9,8 +9,9 @@ the response of the joints' inertia, drives and dampers to the commands alone,
 
 K and C of drives and joints, from rest at nothing. What is left, of weight, friction, coupling and
 all that the model lacks, is smoother than the motion, and is what a spline is fitted to. Where the
-model lacks half of a rotor's inertia, or a quarter of a gain, what is left has jumps too: once such
-effects are found, the response is that of the model with them.
+model lacks half of a rotor's inertia, or a quarter of a gain, or commands arrive late or through a
+filter, what is left has jumps too: once such effects are found, the response is that of the model
+with them, to commands as they arrive.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from scipy.interpolate import PPoly
 from scipy.linalg import expm
 
 from wt.physics import inertia
+from wt.physics.held import impulses
 from wt.physics.planted import Hypothesis
+from wt.physics.replay import Inputs
 from wt.physics.scene import Scene, drives
 
 _PLACES = 1000
@@ -34,6 +37,10 @@ _EQUAL_S = 1e-7  # intervals that differ by less are as long
 _AT_ONCE = 4096  # steps, of which matrices are held in memory
 _PARTS = 4
 """Polynomials in each interval: a stiff drive has answered a command before the next one comes."""
+_ARRIVING = 16
+"""The same of commands that arrive at any time: a mean over as much of an interval moves a joint by
+a 256th of what the command does in half an interval."""
+_NONE = -1  # index of a recording that there is not: nothing happens at its times
 _RESPONDS = ("body_mass", "body_ipos", "body_iquat", "body_inertia", "dof_armature", "dof_damping")
 """Of a compiled model, beside its drives, what commands are responded to by."""
 
@@ -44,7 +51,8 @@ class Held:
 
     Attributes:
         t: time of the samples [s].
-        pulls: acceleration by commands alone from each sample to the next.
+        pulls: acceleration by commands alone from each sample to the next, as they were sent.
+        arriving: the same as they arrive, in equal parts of each interval.
         mobility: inverse inertia, in some places along the segment.
         place: index of the place, for each interval.
         stiffness, damping: what drives and joints hold against.
@@ -52,6 +60,7 @@ class Held:
 
     t: Float[np.ndarray, " sample"]
     pulls: Float[np.ndarray, "interval dof"]
+    arriving: Float[np.ndarray, "part dof"]
     mobility: Float[np.ndarray, "place dof dof"]
     place: Int[np.ndarray, " interval"]
     stiffness: Float[np.ndarray, " dof"]
@@ -71,9 +80,9 @@ class Held:
         It is made of some quintics between samples, at which its acceleration jumps. None where it
         runs away.
         """
-        nv, count = len(self.stiffness), len(self.pulls)
-        fine = np.interp(np.arange(count * _PARTS + 1) / _PARTS, np.arange(count + 1), self.t)
-        pulls, place = (x.repeat(_PARTS, axis=0) for x in (self.pulls, self.place))
+        nv, pulls = len(self.stiffness), self.arriving
+        parts = len(pulls) // len(self.pulls)
+        fine, place = _divided(self.t, parts), self.place.repeat(parts)
         interval = np.diff(fine)
         steps = np.stack([place, np.round(interval / _EQUAL_S)], axis=1)
         w, v = np.zeros((2, len(fine), nv))
@@ -111,6 +120,7 @@ def held(
     q: Float[np.ndarray, "sample dof"],
     acted: Float[np.ndarray, "sample actuator"],
     model: mujoco.MjModel | None = None,
+    known: Hypothesis = (),
 ) -> Held | None:
     """What the commands of a segment pull a machine's joints by.
 
@@ -120,6 +130,7 @@ def held(
         q: where the joints were, roughly [rad or m].
         acted: what each drive acts on from each sample to the next.
         model: of the machine as it was found; None for the scene's.
+        known: effects of the machine, some of which may change what arrives of its commands.
 
     Returns:
         None where nothing drives a joint by itself, where a base floats, whose feet say what it
@@ -132,11 +143,49 @@ def held(
     place = np.linspace(0, min(len(force), _PLACES), len(force), endpoint=False).astype(int)
     mobility = _mobility(model, q[np.searchsorted(place, np.arange(place[-1] + 1))])
     pulls = np.einsum("kij,kj->ki", mobility[place], force)
-    return Held(t, pulls, mobility, place, stiffness, damping)
+    arriving = pulls.repeat(_PARTS, axis=0)
+    if arrives_otherwise(scene, known):
+        arrived, *_ = _acting(model, _arrived(scene, t, acted, known))
+        arriving = np.einsum("kij,kj->ki", mobility[place].repeat(_ARRIVING, axis=0), arrived)
+    return Held(t, pulls, arriving, mobility, place, stiffness, damping)
+
+
+def arrives_otherwise(scene: Scene, known: Hypothesis) -> bool:
+    """Tell whether effects change what arrives of commands: delays and filters do."""
+    sent = np.eye(scene.model.nactuator)  # each command jumps once
+    h = _SLOW_S  # more than any delay or filter that says something
+    inputs = Inputs(_NONE, h * np.arange(len(sent)), h, sent.copy())
+    for planted in known:
+        planted.drive(inputs, scene)
+    return not np.array_equal(inputs.u, sent)
+
+
+def _arrived(
+    scene: Scene,
+    t: Float[np.ndarray, " sample"],
+    acted: Float[np.ndarray, "sample actuator"],
+    known: Hypothesis,
+) -> Float[np.ndarray, "part actuator"]:
+    """What each drive acts on in equal parts of each interval, by effects that change that."""
+    h = float(np.median(np.diff(t))) / _ARRIVING
+    edges = t[0] + h * np.arange(int(np.ceil((t[-1] - t[0]) / h)) + 1)
+    inputs = Inputs(_NONE, edges[:-1], h, impulses(t, acted, edges) / h)
+    for planted in known:
+        planted.drive(inputs, scene)
+    parts = _divided(t, _ARRIVING)
+    return impulses(edges[:-1], inputs.u, parts) / np.diff(parts)[:, None]
+
+
+def _divided(t: Float[np.ndarray, " sample"], parts: int) -> Float[np.ndarray, " edge"]:
+    """Ends of so many equal parts of each interval."""
+    count = len(t) - 1
+    return np.interp(np.arange(count * parts + 1) / parts, np.arange(count + 1), t)
 
 
 def responds_otherwise(scene: Scene, known: Hypothesis) -> bool:
-    """Tell whether effects change the response to commands: inertia, drives or damping."""
+    """Tell whether effects change the response to commands: these, inertia, drives or damping."""
+    if arrives_otherwise(scene, known):
+        return True
     given, model = scene.slim.copy().compile(), as_found(scene, known)
     same = all(np.array_equal(getattr(given, x), getattr(model, x)) for x in _RESPONDS)
     return not same or drives(model) != drives(given)

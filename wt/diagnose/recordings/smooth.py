@@ -188,7 +188,7 @@ def _curves(
 ) -> list[tuple[Curve, ...]]:
     """Per segment and joint what states are read off."""
     model, pairs = as_found(scene, known), zip(samples, splines, strict=True)
-    return [_with_commands(scene, s, own, model) for s, own in pairs]
+    return [_with_commands(scene, s, own, model, known) for s, own in pairs]
 
 
 def _states(
@@ -278,10 +278,14 @@ def _at(
 
 
 def _with_commands(
-    scene: Scene, s: Samples, curves: tuple[Curve, ...], model: mujoco.MjModel
+    scene: Scene,
+    s: Samples,
+    curves: tuple[Curve, ...],
+    model: mujoco.MjModel,
+    known: Hypothesis,
 ) -> tuple[Curve, ...]:
     """Curves beside the response to held commands, for the joints of which these are better."""
-    commands = held(scene, s.t, _at(s.t, curves, 0), _acted_on(scene, s), model)
+    commands = held(scene, s.t, _at(s.t, curves, 0), _acted_on(scene, s), model, known)
     if commands is None:
         return curves
     noises = np.array([(c.sigma, c.sigma_v) for c in curves]).T
