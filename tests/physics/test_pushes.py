@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from tests.physics.arm import ARM, scene
 from wt.physics.effect import effects
+from wt.physics.effects.force_intermittent import seen
 from wt.physics.hooks import FromRecordings
 from wt.physics.motion import Motion, Segment
 from wt.physics.planted import Planted
@@ -87,3 +89,31 @@ def test_other_recordings_have_pushes_of_their_own(arm: Scene) -> None:
     assert both.observed()["recordings"] == ("-", (0.0, 1.0, 1.0, 1.0))
     nothing = here.elsewhere(there.without(there.residual))
     assert nothing.theta == pytest.approx([0.0]) and nothing.effect.n_theta == 1
+
+
+def swinging(arm: Scene) -> Motion:
+    """The middle joint to and fro, once in 1.6 s."""
+    moved = motion(arm)
+    w, t = 2.0 * np.pi / 1.6, moved.t
+    q, v = 0.4 * np.sin(w * t), 0.4 * w * np.cos(w * t)
+    q, v, a = (moved.on(1, column)[:, :, 0] for column in (q, v, -(w**2) * q))
+    return replace(moved, q=q, v=v, a=a)
+
+
+def seen_in(moved: Motion, force: np.ndarray) -> list[Push]:
+    """Pushes on the middle joint where that force is left."""
+    noise = 0.01 * np.random.default_rng(0).standard_normal(len(moved))
+    left = moved.on(1, force + noise)[:, :, 0]
+    return seen(moved.without(moved.residual - left), J1)
+
+
+def test_a_brake_that_drags_for_a_while_is_no_pushes(arm: Scene) -> None:
+    moved = swinging(arm)
+    t, toward = moved.t, np.sign(moved.v[:, 1])
+    drags = (t > 3.4) & (t < 5.0)
+    assert not seen_in(moved, -0.5 * toward * drags)
+    # the same force now this way and now that, whichever way the joint moves
+    shoved = 0.5 * np.sign(np.sin(2.0 * np.pi * (t - 3.4) / 1.6)) * drags
+    assert len(seen_in(moved, shoved)) > 1
+    # and with the motion, as somebody does who swings it
+    assert len(seen_in(moved, 0.5 * toward * drags)) > 1

@@ -22,7 +22,7 @@ _FITTED = 4 * _MOST
 """Moments that stand out, from which on none is looked at."""
 _SELDOM = 0.2
 """Share of the time that all of them take at most."""
-_CLEAR = 0.6
+CLEAR = 0.6
 """Share of a moment's square, but for its mean, that a push explains."""
 _ENOUGH = 1e-4
 """Change of a push's figures, and of what it leaves [shares], at which its fit ends."""
@@ -163,7 +163,7 @@ def _fitted(
     total = float(((force - force.mean()) ** 2).sum())
     one = push(fit.x[:4])
     begin, end = one.window
-    clear = 2.0 * fit.cost < (1.0 - _CLEAR) * total
+    clear = 2.0 * fit.cost < (1.0 - CLEAR) * total
     return one if clear and _SHORTEST_S < end - begin < _LONGEST_S else None
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.hooks import Evident, OnInputs, Shown
 from wt.physics.motion import Motion
-from wt.physics.pushes import Push, flat, of, pushes
+from wt.physics.pushes import CLEAR, Push, flat, of, pushes
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
 from wt.physics.script import Script, number, wrapped
@@ -30,6 +30,8 @@ _COURSE = 0.1
 """Deviation [share] of a push's height, since none has the very course that is fitted."""
 _TURNING = 0.5
 """Share of a joint's dry friction that a push has at least."""
+_MEET_S = 0.1
+"""Time between pushes that are looked at together [s]: no push is shorter."""
 _TOLD = 6
 """Pushes that a sentence lists."""
 
@@ -196,6 +198,8 @@ class ForceIntermittent(Evident, OnInputs):
 def seen(motion: Motion, at: Location, threshold: float = _THRESHOLDS[0]) -> list[Push]:
     """Pushes on a joint, which do not show in the same positions at other times.
 
+    Nor are any where something brakes the joint for a while: that turns as the motion does.
+
     Args:
         motion: the recordings.
         at: the joint.
@@ -210,7 +214,43 @@ def seen(motion: Motion, at: Location, threshold: float = _THRESHOLDS[0]) -> lis
     least = max(threshold * float(left.deviation[dof]), least, _TURNING * dry)
     level = least + dry * left.still[:, dof]
     found, smooth = pushes(motion, force, level), smoothed(motion, force)
-    return [p for p in found if _only_then(motion, dof, smooth, p)]
+    then = [p for p in found if _only_then(motion, dof, smooth, p)]
+    return [p for train in _trains(then) if not _brake(motion, dof, smooth, train) for p in train]
+
+
+def _trains(found: Sequence[Push]) -> list[list[Push]]:
+    """Pushes of which each begins where the one before ends, together."""
+    trains: list[list[Push]] = []
+    for push in found:
+        last = trains[-1][-1] if trains else None
+        meets = last is not None and push.window[0] - last.window[1] < _MEET_S
+        if last is not None and meets and push.recording == last.recording:
+            trains[-1].append(push)
+        else:
+            trains.append([push])
+    return trains
+
+
+def _brake(
+    motion: Motion, dof: int, force: Float[np.ndarray, " sample"], train: Sequence[Push]
+) -> bool:
+    """Whether one force against the motion explains what several pushes in a row are read off.
+
+    It has one figure where they have five each, so that it need not be better: it is to explain as
+    much of a moment as a push has to. Where the joint never turned it may be either.
+    """
+    if len(train) < 2:
+        return False
+    rows = np.zeros(len(motion), bool)
+    for s in motion.segments:
+        if s.recording == int(train[0].recording):
+            t = motion.t[s.rows]
+            rows[s.rows] = (t >= train[0].window[0]) & (t <= train[-1].window[1])
+    against = smoothed(motion, -np.sign(motion.v[:, dof]) * rows)[rows]
+    against, acted = against - against.mean(), force[rows] - force[rows].mean()
+    size = float(against @ acted) / (float(against @ against) + 1e-12)
+    left = float(((acted - size * against) ** 2).sum())
+    return size > 0.0 and left < (1.0 - CLEAR) * float((acted**2).sum())
 
 
 def _only_then(motion: Motion, dof: int, force: Float[np.ndarray, " sample"], push: Push) -> bool:
