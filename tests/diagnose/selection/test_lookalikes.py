@@ -13,9 +13,17 @@ import pytest
 from tests.diagnose.hidden_forces import RATE, World, chain, on_joint, world
 from wt.diagnose.likelihood.bic import worth
 from wt.diagnose.likelihood.estimate import estimate
+from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.residual.screen import Screen
+from wt.diagnose.selection import alternatives
 from wt.diagnose.selection.addition import Accepted
-from wt.diagnose.selection.alternatives import Lookalikes, Option, _best, _rivals
+from wt.diagnose.selection.alternatives import (
+    Lookalikes,
+    Option,
+    _best,
+    _each_settled,
+    _rivals,
+)
 from wt.diagnose.selection.candidates import dof_of, near
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.thresholds import THRESHOLDS
@@ -156,6 +164,31 @@ def test_each_law_is_compared_with_tolerances_around_itself(tmp_path: Path) -> N
     lead = worth(some.objective, right, found) - THRESHOLDS.min_nats  # it is the larger law
     assert option.lead == pytest.approx(lead, abs=10.0)
     assert option.law.theta == pytest.approx([0.3, 0.3], abs=0.01)
+
+
+def test_a_law_that_contains_what_was_found_is_never_hopeless(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Beside tolerances of dry friction Stribeck's was 72 nats behind it, beside its own 327 ahead.
+
+    A servo with .22 N·m that sticks with .46 N·m was said to have .33 N·m of plain dry friction.
+    """
+    names = ("joint.friction_stribeck", "joint.friction_viscous")
+    larger, other = (
+        Mock(spec=Assessed, hypothesis=(Mock(spec=Planted, effect=effects()[name]),))
+        for name in names
+    )
+    found = Mock(spec=Planted, beyond=lambda effect, motion: [()] if effect.id == names[0] else [])
+    now, right = Mock(spec=Assessed, hypothesis=(found,)), Mock(spec=Assessed)
+    monkeypatch.setattr(alternatives, "_is_bent", lambda fit: fit is not now)
+    behind = {id(larger): -72.0, id(other): -72.0, id(right): 327.0}
+    monkeypatch.setattr(alternatives, "worth", lambda _, fit, now: behind[id(fit)])
+    again = Mock(return_value=right)
+    monkeypatch.setattr(alternatives, "around_itself", again)
+    objective = Mock(spec=Objective, scene=Mock(free=()), motion=Mock(spec=Motion))
+    _, settled = _each_settled(objective, (found,), now, [larger, other], 0, {})
+    assert settled == [right, other]
+    again.assert_called_once_with(objective, larger, now, [0], {})
 
 
 @pytest.mark.long

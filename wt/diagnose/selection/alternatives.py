@@ -281,7 +281,7 @@ def _each_settled(
 
     Around what was found they are bent to what that lacks, so that a law which bends them back, as
     the right one does, seems to leave far more than it does. Not what is hopeless even so, nor what
-    hardly bends them.
+    hardly bends them. A law that contains what was found is never hopeless: it cannot explain less.
 
     Args:
         objective: the deciding replays.
@@ -291,7 +291,15 @@ def _each_settled(
         index: of that place.
         known: slopes in what stands beside them.
     """
-    bent = [_is_bent(f) and worth(objective, f, now) > -HOPELESS for f in others]
+    found, motion = now.hypothesis[index], objective.motion
+    bent = [
+        _is_bent(f)
+        and (
+            worth(objective, f, now) > -HOPELESS
+            or bool(found.beyond(f.hypothesis[index].effect, motion))
+        )
+        for f in others
+    ]
     if objective.scene.free or not any(bent):  # replays of legs settle as they are refined
         return now, list(others)
     centre = objective.reference(hypothesis).centre
