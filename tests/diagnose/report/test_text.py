@@ -39,6 +39,21 @@ def test_an_error_that_stays_does_not_fall() -> None:
     assert "fell from 8.78 to" in text.fit(synthetic.diagnosis())
 
 
+def test_an_error_that_rose_did_not_fall() -> None:
+    """What is a few per cent worse was said to stay, and what is more so to have fallen."""
+    d = pushed()
+    h = d.proof.holdout
+    worse = replace(h, after=1.06 * h.before, ratio=1.06, ratio_ci95=(1.02, 1.1))
+    said = text.fit(replace(d, proof=replace(d.proof, holdout=worse)))
+    assert "rose from 8.78 to 9.30 mrad, to 106 % (95 % interval 102 to 110 %)" in said
+
+
+def test_more_than_all_does_not_read_as_all() -> None:
+    shares = (0.017, 0.5, 0.996, 0.9999, 1.0, 1.0145, 1.14, 12.3)
+    said = ["1.7", "50", "99.6", "100", "100", "101", "114", "1230"]
+    assert [text.percent(share) for share in shares] == said
+
+
 def test_times_of_pushes_are_no_estimates() -> None:
     assert [row[2] for row in text.parameter_rows(pushed().findings)] == ["torque"]
 

@@ -84,8 +84,9 @@ def fit(diagnosis: Diagnosis) -> str:
             f"The replay's error on held-out data stays at {' and '.join(said)}, since what was "
             f"found does not show in it; {noise}."
         )
+    moved = "fell" if diagnosis.proof.holdout.ratio < 1.0 else "rose"
     return (
-        f"The replay's error on held-out data fell from {' and from '.join(said)}, to "
+        f"The replay's error on held-out data {moved} from {' and from '.join(said)}, to "
         f"{ratio(diagnosis.proof.holdout)}; {noise}.{by_files(diagnosis)}"
     )
 
@@ -235,8 +236,8 @@ def error(rms: float, noise: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in per cent, without the sign; what is not all of it does not read as 100."""
-    return number(100 * share, 3 if 0.99 <= share < 1.0 else 2)
+    """A share in per cent, without the sign; what is less or more than all does not read as 100."""
+    return number(100 * share, 3 if share >= 0.99 else 2)
 
 
 def p_value(value: float) -> str:
