@@ -19,6 +19,7 @@ from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Gain
 from wt.diagnose.selection.naming import Naming
+from wt.diagnose.selection.rivalry import Rivalry
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.diagnose.unknown.force import Unknown, UnknownForce
 from wt.diagnose.unknown.law import Atom, Law
@@ -161,3 +162,21 @@ def test_names_with_times_among_them_have_to_be_better_than_the_law(
         assessed = replays.reference(tuple(a.planted for a in found))
         named = Claims(found, replace(unnamed.estimated, assessed=assessed), (), ())
         assert proofs._better(unnamed, named) is given_up
+
+
+def test_of_a_name_that_is_doubted_and_kept_the_last_word_is_that_it_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``--why`` ended with a name being given up that was a finding."""
+    nothing = world(tmp_path, 1, None, 2.5)
+    replays, log = nothing.objective, DecisionLog()
+    rub = found_at(("joint.friction_coulomb", "j1", 0.6))
+    named = Claims(rub, estimate(replays, tuple(a.planted for a in rub)), (), ())
+    proofs = Naming(nothing.screen, replays, replays, lambda: replays, nothing.held, STEP, 0, log)
+    far = Rivalry(0.3, 50.0, 0.6, ("qvel/j1",))
+    monkeypatch.setattr(naming, "rivals_nonparametric", lambda *_, **__: far)
+    monkeypatch.setattr(Naming, "proven", lambda *_, **__: replace(named, accepted=()))
+    monkeypatch.setattr(Naming, "_with_unknown", lambda _, claims, *__: claims)
+    assert proofs._doubted(named) is named
+    said = [(d.stage, d.kept) for d in log if d.effect == "joint.friction_coulomb"]
+    assert said == [("doubted", False), ("doubted", True)]

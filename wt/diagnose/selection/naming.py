@@ -271,7 +271,13 @@ class Naming:
         rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
         others = self.proven(rest, known={a.planted.key for a in rest})
         unnamed = self._with_unknown(replace(others, events=proven.events), curves)
-        return unnamed if self._better(unnamed, named, bool(curves)) else named
+        if self._better(unnamed, named, bool(curves)):
+            return unnamed
+        for i in doubtful:
+            reason = "nothing without a name is proven to predict held-out recordings better"
+            laws = float(len(unnamed.unknown))
+            self.log.add(hypothesis[i], "doubted", True, laws, 1.0, reason)
+        return named
 
     def _uncertain(self, estimated: Estimated) -> int | None:
         """Index of an effect that some recording contradicts, or else that may as well be nothing.
