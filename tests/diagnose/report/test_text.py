@@ -48,6 +48,17 @@ def test_an_error_that_rose_did_not_fall() -> None:
     assert "rose from 8.78 to 9.30 mrad, to 106 % (95 % interval 102 to 110 %)" in said
 
 
+def test_an_error_beyond_noise_of_which_nothing_is_missing_is_said_to_be_tolerances() -> None:
+    """47 times the noise and "nothing is missing" stood side by side without a word."""
+    d = pushed()
+    nothing = replace(d, findings=(), verdict="no_mismatch")
+    assert "no more than what any model is off by" in text.fit(nothing)
+    assert "any model" not in text.fit(replace(nothing, verdict="unexplained"))
+    h = d.proof.holdout
+    quiet = replace(nothing, proof=replace(d.proof, holdout=replace(h, before=h.noise_floor)))
+    assert "any model" not in text.fit(quiet)
+
+
 def test_more_than_all_does_not_read_as_all() -> None:
     shares = (0.017, 0.5, 0.996, 0.9999, 1.0, 1.0145, 1.14, 12.3)
     said = ["1.7", "50", "99.6", "100", "100", "101", "114", "1230"]
