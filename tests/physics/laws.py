@@ -49,6 +49,12 @@ def load(d: mujoco.MjData) -> float:
     return -smooth_sign(d.qvel[1]) * (0.3 + 0.2 * abs(servo(d, "m1", 1)))
 
 
+def lossy(d: mujoco.MjData) -> float:
+    v, force = d.qvel[1], servo(d, "m1", 1)
+    share = 0.1 if force * v > 0.0 else 0.35
+    return -smooth_sign(v) * (0.3 + 0.2 * abs(v) + share * abs(force))
+
+
 def directed(d: mujoco.MjData) -> float:
     v = d.qvel[1]
     return -smooth_sign(v) * (0.5 + 0.2 * v if v > 0.0 else 0.9 - 0.6 * v)

@@ -88,6 +88,7 @@ LAWS = [
     *LEAKS[:1],
     law("joint.friction_directional", "j1", 0.2, 0.3, 0.1, 0.05),
     law("joint.friction_position", "j1", 0.2, 0.5, 0.3, 0.1),
+    law("joint.gear_loss", "j1", 0.1, 0.3, 0.2, 0.1),
     law("actuator.speed_limit", "m1", 2.0, 1.5),
     law("actuator.fade", "m1", 0.4, 3.0),
 ]

@@ -25,6 +25,12 @@ TABLE = {
     "joint.friction_quadratic": [("coefficient", "N·m·s²/rad²")],
     "joint.friction_stribeck": [("coulomb", "N·m"), ("static", "N·m"), ("velocity", "rad/s")],
     "joint.friction_load": [("coulomb", "N·m"), ("fraction", "-")],
+    "joint.gear_loss": [
+        ("drive", "-"),
+        ("back", "-"),
+        ("coulomb", "N·m"),
+        ("viscous", "N·m·s/rad"),
+    ],
     "joint.stiffness": [("stiffness", "N·m/rad"), ("reference", "rad")],
     "joint.armature": [("inertia", "kg·m²")],
     "joint.backlash": [("gap", "rad")],

@@ -14,7 +14,7 @@ from wt.physics.hooks import Tolerated
 ALIKE = (
     (
         "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
-        "joint.friction_position", "joint.friction_stribeck",
+        "joint.friction_position", "joint.friction_stribeck", "joint.gear_loss",
     ),
     (
         "actuator.damping", "actuator.feedforward", "joint.friction_viscous",
@@ -55,7 +55,7 @@ OVER = {
     "acceleration": {"joint.armature", "body.inertia"},
     "drive": {
         "actuator.deadband", "actuator.gain", "actuator.saturation", "joint.backlash",
-        "joint.elasticity", "pair.crosstalk",
+        "joint.elasticity", "joint.gear_loss", "pair.crosstalk",
     },
     "time": {
         "actuator.fade", "body.force_intermittent", "body.payload_moving",

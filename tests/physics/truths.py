@@ -36,6 +36,7 @@ from tests.physics.laws import (
     later,
     leaking,
     load,
+    lossy,
     nudged,
     play,
     play_operator,
@@ -124,6 +125,14 @@ TRUTHS = [
         (0.3, 0.2),
         hook=push(load),
         fits=0.04,
+        replays=0.1,
+    ),
+    Truth(
+        "joint.gear_loss",
+        _at("joint", "j1"),
+        (0.1, 0.35, 0.3, 0.2),
+        hook=push(lossy),
+        fits=0.06,
         replays=0.1,
     ),
     Truth(

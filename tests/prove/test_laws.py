@@ -256,6 +256,11 @@ def test_steady_friction(v: float) -> None:
     load: Parameters = {"coulomb": 0.2, "fraction": 0.15}
     got = sliding("joint.friction_load", load, v, drive=-4.0)
     assert got == pytest.approx(-sign * (0.2 + 0.15 * 4.0))
+    gear: Parameters = {"drive": 0.1, "back": 0.4, "coulomb": 0.2, "viscous": 0.5}
+    for drive in (-4.0, 4.0):
+        share = 0.1 if drive * v > 0.0 else 0.4
+        got = sliding("joint.gear_loss", gear, v, drive=drive)
+        assert got == pytest.approx(-sign * (0.2 + 0.5 * abs(v) + share * 4.0))
     ways: Parameters = {
         "coulomb_forward": 0.2,
         "coulomb_backward": 0.4,

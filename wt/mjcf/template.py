@@ -177,14 +177,20 @@ class Physics:
             force = np.clip(force, *m.actuator_forcerange[i])
         return gear * force, dof
 
-    def _bristle(self, name: str, qvel: Array, level: Array, h: float) -> tuple[Array, int]:
-        """Dry friction of a joint: a spring with a damper that slips at a level of force."""
+    def _bristle(
+        self, name: str, qvel: Array, level: Array, h: float, back: Array | None = None
+    ) -> tuple[Array, int]:
+        """Dry friction of a joint: a spring with a damper that slips at a level of force.
+
+        That is the same backward, unless another is given.
+        """
         dof = self._joints[name][1]
         inertia, v = 1.0 / self.model.dof_invweight0[dof], qvel[:, dof]
         stiffness, damping = inertia * (0.4 / h) ** 2, inertia * 0.4 / h
-        bent, most = self._state(f"{name} bristle", 0.0 * v) + h * v, level / stiffness
-        bent = self._next[f"{name} bristle"] = np.clip(bent, -most, most)
-        return -np.clip(stiffness * bent + damping * v, -level, level), dof
+        low, bent = -level if back is None else -back, self._state(f"{name} bristle", 0.0 * v)
+        bent = np.clip(bent + h * v, low / stiffness, level / stiffness)
+        self._next[f"{name} bristle"] = bent
+        return -np.clip(stiffness * bent + damping * v, low, level), dof
 
     def _push(self, body: str, force: Array, qpos: Array) -> Array:
         """Generalised forces of world-frame forces (n, 3) on a body's centre of mass."""

@@ -305,6 +305,14 @@ def _directed(d: Draw) -> Parameters:
     }  # fmt: skip
 
 
+def _geared(d: Draw) -> Parameters:
+    drive = d.u(0.1, 0.25)
+    return {
+        "drive": drive, "back": drive + d.pick(0.35, 0.22, 0.14),
+        "coulomb": 0.25 * d.torque, "viscous": 0.25 * d.torque / d.of("speed"),
+    }  # fmt: skip
+
+
 def _belt(d: Draw) -> Parameters:
     a, b = d.rig.links[d.joint - 1], d.rig.links[d.joint]
     ratio = d.sign() * d.u(0.5, 1.5)
@@ -316,6 +324,7 @@ def _belt(d: Draw) -> Parameters:
 
 LATER: dict[str, Magnitudes] = {
     "joint.friction_directional": _directed,
+    "joint.gear_loss": _geared,
     "pair.spring": _belt,
     "pair.crosstalk": lambda d: {"fraction": d.sign() * d.pick(0.3, 0.2, 0.1)},
     "joint.force_intermittent": lambda d: {"torque": 4.0 * d.torque, "count": 5},

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from wt.prove.hidden import HiddenLaw, JointLaw, Plant
 
 
@@ -63,6 +65,29 @@ class HiddenLoadFriction(_HiddenBristle):
         """See the class, |x| rounded over a hundredth of the constant part."""
         fc = self.number("coulomb")
         return fc + self.number("fraction") * math.hypot(drive, 0.01 * fc)
+
+
+class HiddenGearLoss(_HiddenBristle):
+    """g = coulomb + viscous·|v| + what a gear loses, a share of the torque τ that drives it.
+
+    The share is ``drive`` while the motor turns the load, power flowing with τ·v > 0, and ``back``
+    while the load turns the motor.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """See the base; the bristle bears the losses under the weight that the joint holds."""
+        middle = np.array([[link.middle for link in plant.rig.links]])
+        self._held = float(plant.gravity_torques(middle)[0, plant.index(self.place)])
+        super().bind(plant)
+
+    def typical(self) -> float:
+        """Friction and losses at rest."""
+        return self.level(0.0, 0.0, self._held)
+
+    def level(self, q: float, v: float, drive: float) -> float:
+        """See the class, |x| rounded over a hundredth of the constant part."""
+        fc, share = self.number("coulomb"), self.number("drive" if v * drive >= 0.0 else "back")
+        return fc + self.number("viscous") * abs(v) + share * math.hypot(drive, 0.01 * fc)
 
 
 class HiddenDirectedFriction(_HiddenBristle):
@@ -224,6 +249,7 @@ LAWS: dict[str, type[HiddenLaw]] = {
     "joint.friction_stribeck": HiddenStribeckFriction,
     "joint.friction_load": HiddenLoadFriction,
     "joint.friction_directional": HiddenDirectedFriction,
+    "joint.gear_loss": HiddenGearLoss,
     "joint.friction_viscous": HiddenViscousFriction,
     "joint.friction_quadratic": HiddenQuadraticFriction,
     "joint.stiffness": HiddenStiffness,

@@ -17,6 +17,7 @@ _PAIRS = {"arm3": (2,), "arm6": (2, 4)}
 
 PLACES: dict[str, dict[str, tuple[int, ...]]] = {
     "joint.friction_load": _LOADED,
+    "joint.gear_loss": _LOADED,
     "joint.backlash": _GEARED,
     "joint.elasticity": _GEARED,
     "actuator.bias": _GRAVITY,
@@ -46,6 +47,7 @@ MOTIONS: dict[str, tuple[str, str]] = {
     "joint.friction_directional": ("triangle", "multisine"),
     "joint.friction_stribeck": ("triangle", "moves"),
     "joint.friction_load": ("triangle", "multisine"),
+    "joint.gear_loss": ("triangle", "multisine"),
     "joint.hysteresis": ("triangle", "multisine"),
     "joint.backlash": ("triangle", "multisine"),
     "joint.friction_quadratic": ("chirp", "multisine"),

@@ -22,6 +22,7 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
     "joint.friction_quadratic": ("coefficient",),
     "joint.friction_stribeck": ("coulomb", "static", "velocity"),
     "joint.friction_load": ("coulomb", "fraction"),
+    "joint.gear_loss": ("drive", "back", "coulomb", "viscous"),
     "joint.stiffness": ("stiffness", "reference"),
     "joint.armature": ("inertia",),
     "joint.backlash": ("gap",),

@@ -53,6 +53,8 @@ _LATER = (
     ("world.gravity_compensation", "arm3"), ("world.gravity_compensation", "arm6"),
     ("pair.crosstalk", "arm3"), ("pair.crosstalk", "arm6"),
     ("joint.force_intermittent", "arm3"), ("joint.force_intermittent", "arm6"),
+    ("joint.gear_loss", "pendulum"), ("joint.gear_loss", "arm3"),
+    ("joint.gear_loss", "pendulum_motor"), ("joint.gear_loss", "arm6"),
 )  # fmt: skip
 _PAIRED = (
     ("joint.friction_coulomb", "actuator.gain"), ("joint.friction_viscous", "joint.backlash"),

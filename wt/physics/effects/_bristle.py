@@ -23,12 +23,19 @@ BRISTLE = 2
 
 @in_laws
 def brake(level: float, v: float, h: float, own: Values) -> float:
+    """Force of a bristle that slips at the same friction both ways, see :func:`slip`."""
+    return slip(level, level, v, h, own)
+
+
+@in_laws
+def slip(ahead: float, back: float, v: float, h: float, own: Values) -> float:
     """Force of a bristle on a joint: a spring with a damper that slips at a friction force.
 
     It sticks without chatter, as stiff as steps of such a length allow.
 
     Args:
-        level: friction at which it slips [N·m or N].
+        ahead: friction at which it slips forward [N·m or N].
+        back: the same backward.
         v: velocity of the joint.
         h: length of the step [s].
         own: how far it is bent, which is brought up to date, and the inertia that it brakes.
@@ -36,9 +43,8 @@ def brake(level: float, v: float, h: float, own: Values) -> float:
     frequency = _FREQUENCY / h
     stiffness, damping = own[1] * frequency**2, 2.0 * _DAMPING * own[1] * frequency
     # the bristle bends with the joint and slips where it would carry more than friction
-    bend = level / stiffness
-    own[0] = between(own[0] + h * v, -bend, bend)
-    return -between(stiffness * own[0] + damping * v, -level, level)
+    own[0] = between(own[0] + h * v, -back / stiffness, ahead / stiffness)
+    return -between(stiffness * own[0] + damping * v, -back, ahead)
 
 
 class BristleFriction(OnSteps):
@@ -70,17 +76,20 @@ class BristleFriction(OnSteps):
         return np.empty((len(dofs), 0))
 
     @staticmethod
-    def slipping(at: Location, level: Sequence[str], helper: Helper) -> Script:
+    def slipping(at: Location, level: Sequence[str], helper: Helper, ways: int = 1) -> Script:
         """The same without this package.
 
         Args:
             at: the joint.
-            level: lines that say at which friction the bristle slips, in ``level``.
+            level: lines that say at which friction the bristle slips, in ``level``; with two
+                ``ways`` that is forward, and ``back`` backward.
             helper: what they call.
+            ways: of motion that differ.
         """
+        back = ", back" if ways > 1 else ""
         force = (
             *level,
-            f'friction, dof = self._bristle("{at.name}", qvel, level, h)',
+            f'friction, dof = self._bristle("{at.name}", qvel, level, h{back})',
             "f[:, dof] += friction",
         )
         return Script(force=force, helpers=(helper, "bristle"))

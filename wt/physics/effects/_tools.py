@@ -73,6 +73,19 @@ def add_dry_friction(spec: mujoco.MjSpec, joint: str, torque: float) -> None:
     element.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
 
 
+def mean_weight(model: mujoco.MjModel, joint: str) -> float:
+    """Mean size of the torque that gravity puts on a joint over one turn of it [N·m]."""
+    data = mujoco.MjData(model)
+    j = model.joint(joint)
+    weights = []
+    for turn in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+        mujoco.mj_resetData(model, data)
+        data.qpos[j.qposadr[0]] += turn
+        mujoco.mj_forward(model, data)
+        weights.append(abs(float(data.qfrc_bias[j.dofadr[0]])))
+    return float(np.mean(weights))
+
+
 def neighbours(scene: Scene) -> list[tuple[str, str]]:
     """Pairs of joints that follow one another in the machine, the one nearer to its base first."""
     m, pairs = scene.model, list[tuple[str, str]]()

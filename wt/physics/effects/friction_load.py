@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from wt.physics.driving import all_drives, force_of_all
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._bristle import BRISTLE, BristleFriction, brake
+from wt.physics.effects._tools import mean_weight
 from wt.physics.hooks import Intervals, Nested
 from wt.physics.live import Law, Values
 from wt.physics.motion import Motion
@@ -70,7 +71,7 @@ class FrictionLoad(Nested, BristleFriction):
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Stand-in: ``frictionloss`` of the friction under the mean weight over one turn."""
-        load = _mean_weight(compiled(spec), at.name)
+        load = mean_weight(compiled(spec), at.name)
         spec.joint(at.name).frictionloss += theta[0] + theta[1] * load
 
     def plausible(
@@ -117,16 +118,3 @@ class FrictionLoad(Nested, BristleFriction):
 def _load(motion: Motion, at: Location) -> float:
     """Mean size of the force of a joint's drives [N·m]."""
     return float(np.abs(motion.drive_forces[:, motion.scene.dof(at.name)]).mean())
-
-
-def _mean_weight(model: mujoco.MjModel, joint: str) -> float:
-    """Mean size of the torque that gravity puts on a joint over one turn of it [N·m]."""
-    data = mujoco.MjData(model)
-    j = model.joint(joint)
-    weights = []
-    for turn in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
-        mujoco.mj_resetData(model, data)
-        data.qpos[j.qposadr[0]] += turn
-        mujoco.mj_forward(model, data)
-        weights.append(abs(float(data.qfrc_bias[j.dofadr[0]])))
-    return float(np.mean(weights))
