@@ -40,6 +40,25 @@ def test_files_are_the_machine_in_plain_mujoco(truth: Truth, tmp_path: Path) -> 
     assert files < 1.2 * own + 0.01 * influence
 
 
+@pytest.mark.parametrize(
+    "law", [("joint.friction_load", 0.3, 0.2), ("joint.gear_loss", 0.1, 0.35, 0.3, 0.2)]
+)
+def test_shares_of_a_drive_that_was_found_strong_are_as_in_replays(
+    law: tuple[str, *tuple[float, ...]], tmp_path: Path
+) -> None:
+    name, *theta = law
+    hypothesis = [
+        Planted(effects()["actuator.gain"], Location("actuator", "m1"), np.array([1.5])),
+        Planted(effects()[name], Location("joint", "j1"), np.array(theta)),
+    ]
+    run = unhidden(ARM)
+    stretch = Stretch(0, run.t, run.held, run.q[0], run.v[0])
+    replays = Replayer(scene(tmp_path, ARM), [stretch]).run([hypothesis, hypothesis[:1]]).q
+    files = drive(*load(write(tmp_path, hypothesis)), run)
+    friction = np.sqrt(np.mean((replays[0] - replays[1]) ** 2))
+    assert np.sqrt(np.mean((files - replays[0]) ** 2)) < 0.02 * friction
+
+
 SHORT_S = 0.5
 """Of what is the same to the bit, or nearly so, from the first step on."""
 NOT_NATIVE = [t for t in TRUTHS if not effects()[t.id].native]

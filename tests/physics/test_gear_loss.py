@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -58,7 +60,9 @@ def test_as_it_slides_it_is_friction_by_load_beside_a_stronger_drive(tmp_path: P
 
 
 @pytest.mark.parametrize("other", [load, directed, stribeck], ids=lambda f: f.__name__)
-def test_other_friction_of_the_joint_is_not_asked_for_it(tmp_path: Path, other: object) -> None:
+def test_other_friction_of_the_joint_is_not_asked_for_it(
+    tmp_path: Path, other: Callable[[mujoco.MjData], float]
+) -> None:
     moved = motion(scene(tmp_path), simulate(ARM, push(other)()))
     assert not GEAR.shapes(moved, AT)
 

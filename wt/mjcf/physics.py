@@ -35,6 +35,8 @@ HELPERS: dict[Helper, tuple[str, ...]] = {
     "gear": ("_gear", "_drives", "_drive"),
 }
 """What lines of effects may ask for, and the methods that it takes."""
+_DRIVES: set[Helper] = {"drive", "drives"}
+"""Those of them by which laws take shares of a drive's force."""
 _INIT: dict[Helper, tuple[str, ...]] = {
     "push": ("self._scratch = mujoco.MjData(model)",),
     "residual": (
@@ -77,13 +79,15 @@ def physics_py(
     scripts = [(script, p.statement(scene)) for script, p in written if script is not None]
     if not any(script.acts for script, _ in scripts):
         return None
+    patched, without = _models(scene, hypothesis)
     asked = dict.fromkeys(helper for script, _ in scripts for helper in script.helpers)
     lines = {
         "joints": [f"joints = {_tuple(scene.joints)}  # columns of sense"],
         "init": [
             *(line for helper in asked for line in _INIT.get(helper, ())),
-            *_restored(scene, hypothesis),
+            *_restored(patched, without),
         ],
+        "given": _as_given(scene, without) if _DRIVES & asked.keys() else [],
         "base": [],
         **{part: list(_part(scripts, part)) for part in ("start", "sense", "undo", "force")},
     }
@@ -111,8 +115,15 @@ def _part(scripts: Sequence[tuple[Script, str]], part: str) -> Iterator[str]:
             yield from lines
 
 
-def _restored(scene: Scene, hypothesis: Hypothesis) -> list[str]:
+def _restored(patched: mujoco.MjModel, without: mujoco.MjModel) -> list[str]:
     """Assignments that take the stand-ins for what acts exactly here out of a compiled model."""
+    lines = list(_differences(patched, without))
+    why = "# for these model.xml has the nearest that MJCF can say, which would now act twice"
+    return [why, *lines] if lines else []
+
+
+def _models(scene: Scene, hypothesis: Hypothesis) -> tuple[mujoco.MjModel, mujoco.MjModel]:
+    """The patched model, and the same without the stand-ins for what acts exactly here."""
     patched, without = scene.written(), scene.written()
     for p in hypothesis:
         p.effect.patch(patched, p.at, p.theta)
@@ -120,8 +131,23 @@ def _restored(scene: Scene, hypothesis: Hypothesis) -> list[str]:
             p.effect.patch(without, p.at, p.theta)
         elif isinstance(p.effect, InReplay):
             p.effect.cleared(without, p.at)
-    lines = list(_differences(patched.compile(), without.compile()))
-    why = "# for these model.xml has the nearest that MJCF can say, which would now act twice"
+    return patched.compile(), without.compile()
+
+
+def _as_given(scene: Scene, model: mujoco.MjModel) -> list[str]:
+    """Assignments that let laws see drives as the given model has them, as replays do.
+
+    Friction by a drive's force is a share of that one, also where the drive is found to be weak.
+    """
+    lines = []
+    for given in scene.drives:
+        i = model.actuator(given.name).id
+        before = ((given.gain,), given.bias)
+        after = (model.actuator_gainprm[i, :1], model.actuator_biasprm[i, :3])
+        for name, own, now in zip(("_gain", "_bias"), before, after, strict=True):
+            changed = np.flatnonzero(np.asarray(own) != now).tolist()
+            lines += [f"self.{name}[{i}, {k}] = {number(own[k])}" for k in changed]
+    why = "# laws take shares of the force that drives have without what was found of them"
     return [why, *lines] if lines else []
 
 

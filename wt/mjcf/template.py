@@ -39,6 +39,8 @@ class Physics:
         self._before: Callable[..., None] | None = None
         self._attached = False
         # <init>
+        self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+        # <given>
 
     def reset(self, data: mujoco.MjData) -> None:
         """Begin: hidden states at rest, commands as if data.ctrl had been there for long.
@@ -161,7 +163,7 @@ class Physics:
         return qpos[:, at + k], qvel[:, dof + k], dof + k
 
     def _drive(self, name: str, qpos: Array, qvel: Array, ctrl: Array) -> tuple[Array, int]:
-        """Force of a drive on its joint, and the joint's degree of freedom."""
+        """Force of a drive as the given model has it on its joint, and the degree of freedom."""
         m, i = self.model, self._actuators[name]
         joint = m.actuator_trnid[i, 0]
         dof = int(m.jnt_dofadr[joint])
@@ -169,28 +171,22 @@ class Physics:
         gear, u = m.actuator_gear[i, 0], ctrl[:, m.actuator_ctrladr[i]]
         if m.actuator_ctrllimited[i]:
             u = np.clip(u, *m.actuator_ctrlrange[i])
-        force = m.actuator_gainprm[i, 0] * u
+        force = self._gain[i, 0] * u
         if m.actuator_biastype[i] != mujoco.mjtBias.mjBIAS_NONE:
-            constant, stiffness, damping = m.actuator_biasprm[i, :3]
+            constant, stiffness, damping = self._bias[i, :3]
             force = force + constant + gear * (stiffness * q + damping * v)
         if m.actuator_forcelimited[i]:
             force = np.clip(force, *m.actuator_forcerange[i])
         return gear * force, dof
 
-    def _bristle(
-        self, name: str, qvel: Array, level: Array, h: float, back: Array | None = None
-    ) -> tuple[Array, int]:
-        """Dry friction of a joint: a spring with a damper that slips at a level of force.
-
-        That is the same backward, unless another is given.
-        """
+    def _bristle(self, name: str, v: Array, low: Array, high: Array, h: float) -> tuple[Array, int]:
+        """Dry friction of a joint: a spring with a damper that slips at either of two forces."""
         dof = self._joints[name][1]
-        inertia, v = 1.0 / self.model.dof_invweight0[dof], qvel[:, dof]
+        inertia, v = 1.0 / self.model.dof_invweight0[dof], v[:, dof]
         stiffness, damping = inertia * (0.4 / h) ** 2, inertia * 0.4 / h
-        low, bent = -level if back is None else -back, self._state(f"{name} bristle", 0.0 * v)
-        bent = np.clip(bent + h * v, low / stiffness, level / stiffness)
-        self._next[f"{name} bristle"] = bent
-        return -np.clip(stiffness * bent + damping * v, low, level), dof
+        bent = self._state(f"{name} bristle", 0.0 * v) + h * v
+        bent = self._next[f"{name} bristle"] = np.clip(bent, low / stiffness, high / stiffness)
+        return -np.clip(stiffness * bent + damping * v, low, high), dof
 
     def _push(self, body: str, force: Array, qpos: Array) -> Array:
         """Generalised forces of world-frame forces (n, 3) on a body's centre of mass."""

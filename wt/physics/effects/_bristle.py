@@ -76,20 +76,18 @@ class BristleFriction(OnSteps):
         return np.empty((len(dofs), 0))
 
     @staticmethod
-    def slipping(at: Location, level: Sequence[str], helper: Helper, ways: int = 1) -> Script:
+    def slipping(at: Location, level: Sequence[str], helper: Helper, back: str = "level") -> Script:
         """The same without this package.
 
         Args:
             at: the joint.
-            level: lines that say at which friction the bristle slips, in ``level``; with two
-                ``ways`` that is forward, and ``back`` backward.
+            level: lines that say at which friction the bristle slips, in ``level``.
             helper: what they call.
-            ways: of motion that differ.
+            back: name that they give the friction at which it slips backward.
         """
-        back = ", back" if ways > 1 else ""
         force = (
             *level,
-            f'friction, dof = self._bristle("{at.name}", qvel, level, h{back})',
+            f'friction, dof = self._bristle("{at.name}", qvel, -{back}, level, h)',
             "f[:, dof] += friction",
         )
         return Script(force=force, helpers=(helper, "bristle"))

@@ -146,7 +146,7 @@ class GearLoss(Nested, BristleFriction):
             f"level = always + np.maximum({drive} * load, -{back} * load)",
             f"back = always + np.maximum(-{drive} * load, {back} * load)",
         )
-        return self.slipping(at, level, "drives", ways=2)
+        return self.slipping(at, level, "drives", back="back")
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
