@@ -253,8 +253,6 @@ MAGNITUDES: dict[str, Magnitudes] = {
     "joint.hysteresis": _hysteresis,
     "joint.stop": _stop,
     "actuator.gain": _gain,
-    "actuator.damping": _damping,
-    "actuator.feedforward": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
     "actuator.bias": lambda d: {"torque": d.sign() * d.torque},
     "actuator.delay": lambda d: {"delay": _delay(d)},
     "actuator.lag": lambda d: {"time_constant": 1.3 * _delay(d)},
@@ -323,6 +321,8 @@ def _belt(d: Draw) -> Parameters:
 
 
 LATER: dict[str, Magnitudes] = {
+    "actuator.damping": _damping,
+    "actuator.feedforward": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
     "joint.friction_directional": _directed,
     "joint.gear_loss": _geared,
     "pair.spring": _belt,

@@ -48,13 +48,13 @@ _BELOW = (
 _LATER = (
     ("joint.friction_directional", "arm3"), ("joint.friction_directional", "pendulum"),
     ("pair.spring", "arm6"), ("pair.spring", "arm3"),
-    ("actuator.damping", "arm6"), ("actuator.damping", "arm3"),
-    ("actuator.feedforward", "arm6"), ("actuator.feedforward", "arm3"),
     ("world.gravity_compensation", "arm3"), ("world.gravity_compensation", "arm6"),
     ("pair.crosstalk", "arm3"), ("pair.crosstalk", "arm6"),
     ("joint.force_intermittent", "arm3"), ("joint.force_intermittent", "arm6"),
     ("joint.gear_loss", "pendulum"), ("joint.gear_loss", "arm3"),
     ("joint.gear_loss", "pendulum_motor"), ("joint.gear_loss", "arm6"),
+    ("actuator.damping", "arm6"), ("actuator.damping", "arm3"),
+    ("actuator.feedforward", "arm6"), ("actuator.feedforward", "arm3"),
 )  # fmt: skip
 _PAIRED = (
     ("joint.friction_coulomb", "actuator.gain"), ("joint.friction_viscous", "joint.backlash"),
