@@ -60,7 +60,7 @@ format: env ## lay the code out as lint wants it
 	$(BIN)/ruff check --fix --quiet .
 	$(BIN)/ruff format --quiet .
 
-# Those that take an hour or more, or a part of the machine for themselves, are run by hand: trials, toys, real and the public
+# Those that take an hour or more, or a part of the machine for themselves, are run by hand: trials, toys, firmware, real and the public
 # robots, and the long forms of envs, diagnose and stream; each says how in its first lines.
 bench: env ## print the tables of speed
 	$(BIN)/python benchmarks/steps.py

@@ -85,7 +85,7 @@ def test_a_command_of_a_page_exists_with_its_options(words: tuple[str, ...]) -> 
         assert (folder("conf") / f"{name}.yaml").is_file() or not name.isidentifier()
 
 
-BY_HAND = {"trials", "toys", "real", "so101", "public_models", "public_robots"}
+BY_HAND = {"trials", "toys", "firmware", "real", "so101", "public_models", "public_robots"}
 """Benchmarks that take hours, or need what is not here."""
 
 
