@@ -85,6 +85,7 @@ class DataConfig:
     real_transitions: int | None = None  # of R, where it has fewer
     held_out: float = 0.1
     in_memory: int = 500_000
+    lessons: int | None = None  # of simulators around S; None for as many as of S
 
 
 @dataclass

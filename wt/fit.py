@@ -120,8 +120,8 @@ class _Logged:
         if not begun:
             job = self._jobs[what]
             child.params(job.parameters(self._config))
-            uses = job.uses(self._config).items()
-            child.inputs([replace(self.collections[of], context=use) for of, use in uses])
+            there, uses = self.collections, job.uses(self._config).items()
+            child.inputs([replace(there[of], context=use) for of, use in uses if of in there])
             child.tags({NOTE: _note(job, self._config.task)})
         return child
 
@@ -190,7 +190,8 @@ def _datasets(study: Study) -> dict[str, Dataset]:
     collected, task, spec = study.data, study.config.task, study.world.spec
     channels = {"o": spec.observation, "a": spec.action, "s_next": spec.state}
     columns = tuple(f"{of}/{c.name}" for of, each in channels.items() for c in each)
-    uses = {"sim": "training", "real": "training", "validation": "validation", "test": "test"}
+    uses = {"validation": "validation", "test": "test"}
+    uses = dict.fromkeys(("sim", "real", "lessons"), "training") | uses
     return {
         what: Dataset(
             f"{task}/{what}",

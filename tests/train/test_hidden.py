@@ -27,18 +27,22 @@ SPEC = TransitionSpec(
 )
 
 
-def cart(episodes: int, seed: int) -> Transitions:
-    """Place p′ = p + dt v; what is pulled at is −v; v is an autoregressive process."""
+def cart(episodes: int, seed: int, drags: tuple[float, float] = (1.0, 1.0)) -> Transitions:
+    """Place p′ = p + dt v; what is pulled at is −drag v; v is an autoregressive process.
+
+    Each episode has a drag of its own, between the two that are given.
+    """
     rng = np.random.default_rng(seed)
     v, p = rng.normal(size=episodes), np.zeros(episodes)
-    pull, last = -v, np.zeros(episodes)
+    drag = np.random.default_rng((seed, 1)).uniform(*drags, episodes)
+    pull, last = -drag * v, np.zeros(episodes)
     heading, rows = rng.uniform(-np.pi, np.pi, episodes), []
     for _ in range(LENGTH):
         a = rng.normal(size=episodes)
         o, hidden = np.stack([p, pull, last], 1), np.stack([v, heading], 1)
         p = p + DT * v
         v = 0.9 * v + np.sqrt(1 - 0.81) * rng.normal(size=episodes)
-        pull, last = -v, a
+        pull, last = -drag * v, a
         rows.append((o, a[:, None], np.stack([p, pull], 1), hidden))
     o, a, after, hidden = (
         np.stack(x, 1).reshape(episodes * LENGTH, -1) for x in zip(*rows, strict=True)
@@ -68,6 +72,20 @@ def test_motion_shows_in_the_recording_up_to_its_ends(estimator: HiddenEstimator
     assert np.sqrt(np.mean(off**2)) < 0.15
     ends = np.isin(real.step, (0, LENGTH - 1))
     assert np.sqrt(np.mean(off[ends] ** 2)) < 0.2
+
+
+def test_lessons_around_s_leave_what_holds_in_s_alone() -> None:
+    sim, real = cart(150, 1), cart(150, 2, drags=(1.5, 1.5))
+    frame = Frame(SPEC, Mean())
+    fit_normalizers(frame, sim, real)
+    unseen, off = replace(real, hidden=np.full_like(real.hidden, np.nan)), list[float]()
+    for lessons in (None, cart(150, 3, drags=(0.6, 1.7))):
+        made = HiddenEstimator(frame, lambda n, m: mlp(n, m, 64, 2), Regression(600, 256, 4e-3))
+        made.fit(sim, unseen, lessons=lessons)
+        told = made.estimate(unseen)
+        assert told is not None
+        off.append(float(np.sqrt(np.mean((told - real.hidden)[:, 0] ** 2))))
+    assert off[1] < 0.5 * off[0]
 
 
 def test_what_nothing_shows_is_the_simulators_average(estimator: HiddenEstimator) -> None:

@@ -41,8 +41,8 @@ from wt.train.regression import (
 from wt.train.selection import Selection
 from wt.types import Pairs, Transitions, TransitionSpec
 
-Source = Literal["sim", "real", "pairs"]
-"""What may be trained on: unpaired transitions of S, those of R, or pairs.
+Source = Literal["sim", "real", "pairs", "lessons"]
+"""What may be trained on: unpaired transitions of S, those of R, pairs, or simulators around S.
 
 Pairs are R's transitions, each with S's answer under what was hidden then.
 """
@@ -61,6 +61,7 @@ class Baseline(ABC):
         selection: held-out data of the training at hand.
         simulator: S, where there is one.
         paper: the paper's method, of the same task.
+        lessons: transitions of simulators around S, where there are any.
         frame: normalisers, the same for all methods.
         nets: everything that is learned, by name, the frame included; what is kept of a fit.
     """
@@ -77,6 +78,7 @@ class Baseline(ABC):
         seed: int,
         simulator: Simulator | None = None,
         paper: Method | None = None,
+        lessons: Transitions | None = None,
     ) -> None:
         """Set up without data.
 
@@ -86,9 +88,11 @@ class Baseline(ABC):
             seed: same seed, same baseline.
             simulator: S, for a baseline that steps it again; most do without.
             paper: the paper's method as the task has it, for one that takes part of it over.
+            lessons: transitions of simulators around S, for one that learns what is hidden there.
         """
         self.spec, self.settings, self.seed = spec, settings, seed
         self.simulator, self.paper = simulator, paper or Method()
+        self.lessons = lessons
         self.frame = Frame(spec, Mean())
         self.nets = nn.ModuleDict({"frame": self.frame})
         self.selection: Selection | None = None

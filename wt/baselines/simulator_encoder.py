@@ -27,7 +27,7 @@ class SimulatorEncoder(CorrectedAnswer):
     """o′ = o′_S + f(o, a, o′_S); S's answers in training are made from R's recording alone."""
 
     name = "SimulatorEncoder"
-    trains_on = ("sim", "real")
+    trains_on = ("sim", "real", "lessons")
     cost = 4.0
 
     @classmethod
@@ -37,7 +37,8 @@ class SimulatorEncoder(CorrectedAnswer):
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Make what S would have answered, and regress what R does differently."""
-        answers = Answers(self.frame, self._regressor, self.budget(), self.the_simulator())
+        given = self.budget(), self.the_simulator(), self.lessons
+        answers = Answers(self.frame, self._regressor, *given)
         steps = self.settings.steps
         before = answers.regressions * steps
         total = before + self.settings.members * steps

@@ -17,6 +17,7 @@ from wt.baselines.base import Source, find
 from wt.config import FitConfig, Method, parse, to_yaml, vary
 from wt.data.transitions import digest
 from wt.evaluate.results import OURS, PAPERS_OWN
+from wt.nets.simulator_use import use_of
 from wt.run.pool import Begin, at_once, side_by_side
 from wt.run.study import Listener, Study
 from wt.schema import flat
@@ -30,6 +31,7 @@ _TRAINING = {
     "sim": ("sim", "training"),
     "real": ("real", "training"),
     "pairs": ("real", "training, as pairs"),
+    "lessons": ("lessons", "training"),
 }
 """Collection of a source, and what a run in MLflow says that it is for."""
 BOTH: tuple[Source, ...] = ("sim", "real")
@@ -68,10 +70,14 @@ class Job(NamedTuple):
     def uses(self, config: FitConfig) -> dict[str, str]:
         """Collections that it uses, by their names in :class:`Collected`, each with what for.
 
-        What is held out without pairs is of the collections that are trained on.
+        Not every world has lessons. What is held out without pairs is of the collections that are
+        trained on.
         """
-        own = self.method in (OURS, PAPERS_OWN)
-        trained_on = BOTH if own else find(self.method).trains_on
+        if self.method in (OURS, PAPERS_OWN):
+            asks = use_of(self.settings(config).mean).asks_simulator
+            trained_on: tuple[Source, ...] = (*BOTH, "lessons") if asks else BOTH
+        else:
+            trained_on = find(self.method).trains_on
         used = dict(_TRAINING[source] for source in trained_on)
         if used and config.model_selection == "pairs":  # who learns nothing, chooses nothing
             used["validation"] = "validation"
@@ -165,4 +171,5 @@ def _given(study: Study, job: Job) -> fit.TrainingInput:
         study.home(job.seed, job.key),
         simulator=study.world,
         streams=streams,
+        lessons=study.data.lessons,
     )

@@ -21,6 +21,7 @@ from wt.data.stored import Stored, Streams
 from wt.data.transitions import digest
 from wt.errors import ConfigError
 from wt.evaluate.single_step import ErrorScales
+from wt.nets.simulator_use import use_of
 from wt.nets.world_model import WorldModel
 from wt.show.files import write_whole
 from wt.train import device
@@ -135,7 +136,8 @@ class Study:
         world, listener = make(config.world), listener or Silent()
         pairs = config.model_selection == "pairs"
         with spread(config.collect.jobs, config.world, world) as maker:
-            data = collect(world, config.data, listener.progress, validation=pairs, maker=maker)
+            asked = {"validation": pairs, "lessons": _estimates(config)}
+            data = collect(world, config.data, listener.progress, **asked, maker=maker)
         return cls(config, world, data, ErrorScales.of(data.real, world.spec), folder, listener)
 
     @cached_property
@@ -198,7 +200,8 @@ class Study:
     def baseline(self, seed: int, name: str) -> Baseline:
         """An untrained baseline."""
         config = self.config
-        return find(name)(self.world.spec, config.baselines, seed, self.world, config.paper)
+        given = self.world.spec, config.baselines, seed, self.world, config.paper
+        return find(name)(*given, self.data.lessons)
 
     def keep_baseline(self, seed: int, baseline: Baseline) -> None:
         """Keep a trained baseline's weights."""
@@ -226,3 +229,9 @@ class Study:
 
     def _predicted(self, seed: int, method: str) -> Path:
         return self.folder / "work" / f"seed{seed}" / f"{method}.npy"
+
+
+def _estimates(config: FitConfig) -> bool:
+    """Whether any method estimates what was hidden in R."""
+    ours = any(use_of(method.mean).asks_simulator for method in (config.paper, config.plus))
+    return ours or any("lessons" in find(name).trains_on for name in config.baselines.names)

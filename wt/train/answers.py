@@ -41,7 +41,12 @@ class Answers:
     """Answers of S to R's transitions, which a translation of S's outcome is learned from."""
 
     def __init__(
-        self, frame: Frame, network: Network, budget: Regression, simulator: Simulator
+        self,
+        frame: Frame,
+        network: Network,
+        budget: Regression,
+        simulator: Simulator,
+        lessons: Transitions | None = None,
     ) -> None:
         """Set up without data.
 
@@ -50,9 +55,10 @@ class Answers:
             network: makes the regressors.
             budget: of each regression.
             simulator: S.
+            lessons: transitions of simulators around S, which estimates learn from, too.
         """
         self._frame, self._network, self._budget = frame, network, budget
-        self._simulator = simulator
+        self._simulator, self._lessons = simulator, lessons
         self._estimator = HiddenEstimator(frame, network, budget)
 
     @property
@@ -76,7 +82,8 @@ class Answers:
         """
         steps = self._budget.steps
         done, total = self._estimator.regressions * steps, self.regressions * steps
-        self._estimator.fit(sim, real, part_of(progress, 0, total))
+        along = part_of(progress, 0, total)
+        self._estimator.fit(sim, real, along, lessons=self._lessons)
         if not self.regressions:
             return self.of(real)
         at = self._at_estimates(sim, "sim")
@@ -143,7 +150,11 @@ class Answers:
 
 
 def answers_of(
-    frame: Frame, settings: Mean, seed: int, simulator: Simulator | None
+    frame: Frame,
+    settings: Mean,
+    seed: int,
+    simulator: Simulator | None,
+    lessons: Transitions | None = None,
 ) -> Answers | None:
     """What S would have answered, for a mean field that asks; None for one that does without.
 
@@ -152,6 +163,7 @@ def answers_of(
         settings: use of the simulator, and budget.
         seed: same seed, same answers.
         simulator: S.
+        lessons: transitions of simulators around S.
 
     Raises:
         ConfigError: there is no simulator to ask.
@@ -161,7 +173,11 @@ def answers_of(
     if simulator is None:
         raise ConfigError("mean.simulator encoded steps the simulator, and was given none")
     budget = Regression(settings.steps, settings.batch, settings.learning_rate, seed)
-    return Answers(frame, lambda n, m: mlp(n, m, settings.width, settings.depth), budget, simulator)
+
+    def network(inputs: int, outputs: int) -> nn.Module:
+        return mlp(inputs, outputs, settings.width, settings.depth)
+
+    return Answers(frame, network, budget, simulator, lessons)
 
 
 def with_answers(

@@ -65,6 +65,7 @@ class TrainingInput:
         folder: checkpoints are kept here and continued from.
         simulator: S, which ``mean.simulator: encoded`` steps again.
         streams: whole collections of which ``sim`` or ``real`` is a sample.
+        lessons: transitions of simulators around S, from which the same learns what is hidden.
     """
 
     spec: TransitionSpec
@@ -76,6 +77,7 @@ class TrainingInput:
     folder: Path
     simulator: Simulator | None = None
     streams: Streams = IN_MEMORY
+    lessons: Transitions | None = None
 
 
 def fit_world_model(
@@ -166,7 +168,7 @@ def fitted(
     torch.manual_seed(seed)
     model = WorldModel(given.spec, method)
     fit_normalizers(model.frame, sim, real)
-    answers = answers_of(model.frame, method.mean, seed, given.simulator)
+    answers = answers_of(model.frame, method.mean, seed, given.simulator, given.lessons)
     first = answers.regressions * method.mean.steps if answers else 0
     before = first + regressions(method.mean) * method.mean.steps
     steps = before + (model.frame.hidden is not None) * method.mean.steps

@@ -7,7 +7,9 @@ Either kind of hidden variable shows in its own way:
 
 ``motion``  where and how fast something moves that no sensor sees (a trunk, a load). It persists,
             so a stretch of the recording before and *after* the step tells it, as a smoother does:
-            legs that stand give the trunk's velocity away (leg odometry, but learned).
+            legs that stand give the trunk's velocity away (leg odometry, but learned). It is also
+            learned from simulators around S, where there are any (:mod:`wt.worlds.varied`), so
+            that what holds in S alone is not.
 ``force``   a force or torque from outside may be another at every step, and shows in the outcome of
             its own alone: in what is left of it beyond the most frequent answer to (o, a), as in
             the residual of inverse dynamics. Heavier links and softer drives change its effect:
@@ -31,6 +33,8 @@ import torch
 from jaxtyping import Bool, Float, Float32, Int
 from torch import Tensor, nn
 
+from wt.data.stored import transitions
+from wt.data.transitions import join
 from wt.losses.robust import cauchy
 from wt.nets.frame import Frame
 from wt.nets.hidden_shift import FORCES
@@ -106,18 +110,27 @@ class HiddenEstimator:
             out[part.channels] = part.told
         return out
 
-    def fit(self, sim: Transitions, real: Transitions, progress: Progress | None = None) -> None:
+    def fit(
+        self,
+        sim: Transitions,
+        real: Transitions,
+        progress: Progress | None = None,
+        *,
+        lessons: Transitions | None = None,
+    ) -> None:
         """Learn from S, and from R's observable transitions.
 
         Args:
             sim: transitions of S, with its hidden variables.
             real: transitions of R, of which the hidden variables are not read.
             progress: called with (done, total) steps.
+            lessons: transitions of simulators around S, with theirs; motion is also read off these.
         """
         real, done = _observable(real), 0
         for part in self._parts:
             steps = part.budget.steps
-            part.fit(sim, real, part_of(progress, done, self.regressions * steps))
+            taught = part.taught(sim, lessons)
+            part.fit(taught, real, part_of(progress, done, self.regressions * steps))
             done += part.regressions * steps
 
     def estimate(
@@ -174,6 +187,10 @@ class _Estimator(ABC):
         self.told = np.zeros(len(channels), bool)
         self._frame, self._network = frame, network
 
+    def taught(self, sim: Transitions, lessons: Transitions | None) -> Transitions:
+        """Transitions to learn from, of S's and those of simulators around it."""
+        return sim
+
     @abstractmethod
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Learn from S, and from what R's transitions show."""
@@ -198,6 +215,10 @@ class _Motion(_Estimator):
     """Motion, from the robot's own motion some steps before and after."""
 
     regressions = 1
+
+    def taught(self, sim: Transitions, lessons: Transitions | None) -> Transitions:
+        """All of them: R's drives, friction and masses are not S's either."""
+        return sim if lessons is None else transitions(join([sim, lessons]))
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Regress S's hidden motion on stretches of S's transitions."""

@@ -15,9 +15,11 @@ from wt.data.stored import Stored, Streams, held_out, transitions
 from wt.data.transitions import content_hash, digest, ensure, obtain, plan
 from wt.errors import DataError
 from wt.types import Pairs, Recording, Transitions
+from wt.worlds import varied
 from wt.worlds.base import World
 from wt.worlds.recorded import Recorded
-from wt.worlds.spread import Here, Maker, Report
+from wt.worlds.spread import LESSONS, Here, Maker, Report
+from wt.worlds.varied import Varied
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,8 @@ class Collected:
         real: unpaired transitions of R, likewise.
         validation: pairs to select models by; None where they are selected without.
         test: pairs that are evaluated once, at the end.
+        lessons: transitions of simulators around S, which teach what is hidden; None where the
+            world cannot vary S, or nobody asks for them.
         folders: of each on disk, by its name here.
         streams: whole collections of which ``sim`` or ``real`` is a sample.
     """
@@ -38,6 +42,7 @@ class Collected:
     real: Transitions
     validation: Pairs | None
     test: Pairs
+    lessons: Transitions | None = None
     folders: Mapping[str, Path] = field(default_factory=dict)
     streams: Streams = field(default_factory=Streams)
     _digests: dict[str, str] = field(default_factory=dict, init=False, repr=False)
@@ -63,6 +68,7 @@ def collect(
     report: Report | None = None,
     *,
     validation: bool = True,
+    lessons: bool = False,
     maker: Maker | None = None,
 ) -> Collected:
     """Collect or reuse the collections of a task.
@@ -72,6 +78,7 @@ def collect(
         settings: folder, sizes and seed.
         report: for a progress bar.
         validation: whether pairs to select by are needed.
+        lessons: whether simulators around S are, where the world can vary it.
         maker: makes shards that are missing, of the same world; None to make them here.
 
     Raises:
@@ -82,11 +89,14 @@ def collect(
     collections: dict[str, Transitions | Pairs] = {}
     streamed: dict[str, Stored] = {}
     folders = {}
+    asked = {"validation": validation, LESSONS: lessons and isinstance(world, Varied)}
     for what, count, seed in _parts(settings):
-        if what == "validation" and not validation:
+        if not asked.get(what, True) or not count:
             continue
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
+        if what == LESSONS:
+            identity["around"] = varied.identity()
         make = functools.partial(maker.made, what, report=report)
         where = Path(settings.dir), identity, world.spec, shards, make
         folders[what] = home = ensure(*where)
@@ -102,6 +112,7 @@ def collect(
         transitions(collections["real"]),
         _pairs(collections["validation"]) if validation else None,
         _pairs(collections["test"]),
+        transitions(collections[LESSONS]) if LESSONS in collections else None,
         folders,
         Streams(streamed.get("sim"), streamed.get("real"), settings.in_memory),
     )
@@ -130,6 +141,7 @@ def _parts(settings: DataConfig) -> Iterator[tuple[str, int, int]]:
         "real": settings.real_transitions or settings.transitions,
         "validation": settings.validation_pairs,
         "test": settings.test_pairs,
+        LESSONS: settings.transitions if settings.lessons is None else settings.lessons,
     }
     seeds = np.random.SeedSequence(settings.seed).generate_state(len(counts))
     for (what, count), seed in zip(counts.items(), seeds, strict=True):

@@ -18,12 +18,16 @@ from wt.config import Jobs
 from wt.data.transitions import Made, Shard
 from wt.types import Domain, Pairs, Transitions
 from wt.worlds.base import Progress, World, kind_of, make
+from wt.worlds.varied import Varied
 
 if TYPE_CHECKING:
     from ray import ObjectRef
 
 ASKED_BY = "collect.jobs=ray"
 """What asks for Ray, for messages."""
+
+LESSONS = "lessons"
+"""The collection of simulators around S, of worlds that can vary it."""
 
 Report = Callable[[str, int, int], None]
 """Called with a collection's name and its transitions (done, total)."""
@@ -37,7 +41,7 @@ class Maker(Protocol):
         """Shards with their content, in any order.
 
         Args:
-            what: ``"sim"`` or ``"real"`` for transitions, a split for pairs.
+            what: ``"sim"``, ``"real"`` or :data:`LESSONS` for transitions, a split for pairs.
             shards: those that are missing.
             report: told of the transitions of these shards.
         """
@@ -133,6 +137,9 @@ def _made(
     if what in ("sim", "real"):
         domain: Domain = "sim" if what == "sim" else "real"
         return world.collect(domain, shard.count, shard.seed, progress)
+    if what == LESSONS:
+        assert isinstance(world, Varied), "lessons are planned of no other world"
+        return world.lessons(shard.count, shard.seed, progress)
     return world.pairs(what, shard.count, shard.seed)
 
 

@@ -37,6 +37,7 @@ from wt.worlds.legged import RATE_HZ, Herd
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
 from wt.worlds.terrain import GroundHeights
+from wt.worlds.varied import varied
 from wt.worlds.walking.episodes import episodes
 from wt.worlds.walking.options import WalkingOptions
 from wt.worlds.walking.recording import HerdRecorder
@@ -116,13 +117,41 @@ class WalkingWorld:
         Raises:
             WorkError: the policy falls all the time.
         """
+        return self._collected(domain, self._herd, count, seed, progress)
+
+    def lessons(self, count: int, seed: int, progress: Progress | None = None) -> Transitions:
+        """Transitions of robots that each have physics around S's; see :class:`Varied`.
+
+        Raises:
+            WorkError: the policy falls all the time there.
+        """
+        sim, robot = self._models["sim"], self._robot
+        rng = np.random.default_rng((seed, 1))
+
+        def herd(domain: Domain, size: int) -> Herd:
+            made = self._herd(domain, size)
+            near = [varied(sim, robot.trunk, robot.joints, rng) for _ in range(size)]
+            made.batch.set_models(near)
+            return made
+
+        return self._collected("sim", herd, count, seed, progress)
+
+    def _collected(
+        self,
+        domain: Domain,
+        make: Callable[[Domain, int], Herd],
+        count: int,
+        seed: int,
+        progress: Progress | None,
+    ) -> Transitions:
+        """Transitions of the herds that are made, one for each batch of episodes."""
         options = self._options
         robots = min(options.robots, -(-count // options.episode_steps))
         batches = -(-count // (robots * options.episode_steps))
         seeds = np.random.SeedSequence(seed).spawn(batches)
         parts, falls, before = [], 0, 0
         for b, s in enumerate(seeds):
-            herd, rng = self._herd(domain, robots), np.random.default_rng(s)
+            herd, rng = make(domain, robots), np.random.default_rng(s)
             part, fell = episodes(herd, self._policy, self._read(domain), self.spec, options, rng)
             part["episode"] += before
             before = int(part["episode"][-1]) + 1
