@@ -25,6 +25,26 @@ def test_samples_that_were_stamped_late_are_stamped_anew(share: float) -> None:
     assert away.mean() == pytest.approx(share * 0.005, abs=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_lost_rows_are_no_uneven_pace(seed: int) -> None:
+    clean, rng = record("arm4", 53, seconds=6.0, rate=50.0), np.random.default_rng(seed)
+    kept = rng.random(len(clean)) > 0.02
+    t = clean.t + np.clip(0.06 * rng.standard_normal(len(clean)), -0.2, 0.2) * 0.02
+    columns = {name: column[kept] for name, column in clean.columns.items()}
+    assert not check(None, Recording(t[kept], columns)).findings
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_late_stamps_stay_where_lost_rows_hide_the_pace(seed: int) -> None:
+    clean, rng = record("arm4", 54, seconds=6.0), np.random.default_rng(seed)
+    kept = rng.random(len(clean)) > 0.02
+    late = rng.uniform(0.0, 0.6 * 0.01, len(clean))
+    columns = {name: column[kept] for name, column in clean.columns.items()}
+    given = Recording((clean.t + late)[kept], columns)
+    checked = check(None, given)
+    assert checked.recording is None or np.array_equal(checked.recording.t, given.t)
+
+
 @pytest.mark.parametrize("share", [0.3, 0.95])
 def test_samples_that_were_taken_unevenly_are_right(share: float) -> None:
     clean = record("arm4", 51, seconds=6.0, rate=500.0)

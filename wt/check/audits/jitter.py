@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from wt.check.audit import Stage, Subject, register
 from wt.check.audits.clock import periods
@@ -23,7 +23,9 @@ from wt.types import Recording
 
 _UNEVEN = 0.8  # of an interval: spread of the middle nine tenths of all intervals
 _NOTICED = 0.1  # of an interval, a deviation: less is what clocks have
-_LOST = 1.5  # intervals, by which a stamp may miss its place before samples must be missing
+_LOST = 1.5  # intervals, by which a stamp may miss its place
+_AROUND = 25  # samples
+_DRIFT = 0.4  # intervals, by which so many miss their places on average only if rows were lost
 _DECISIVE = 4.0  # of mean squares by which neighbours miss samples, by other stamps
 _LEAST = 40  # samples
 
@@ -72,18 +74,26 @@ class _Even:
     """Stamps samples evenly."""
 
     def __call__(self, recording: Recording) -> Recording:
-        """The recording with an even pace; as it is where samples are missing."""
+        """The recording with an even pace; as it is where none can be told."""
         even = _even(recording.t)
         return recording if even is None else replace(recording, t=even)
 
 
 def _even(t: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " sample"] | None:
-    """Stamps of an even pace; None if these are even already, or samples are missing."""
-    rows = np.arange(len(t))
-    rate, start = np.polyfit(rows, t - t[0], 1)
-    even = t[0] + start + rate * rows
-    away = np.abs(t - even)
-    if len(t) < _LEAST or away.max() > _LOST * rate or (t - even).std() < _NOTICED * rate:
+    """Stamps of an even pace; None if these are even already, or nobody can tell which is whose.
+
+    Where most intervals are whole numbers of periods, rows of the longer ones were lost.
+    """
+    between = periods(t)
+    places = np.concatenate([[0.0], np.cumsum(between)])
+    if between.min() < 1.0:  # two at one place: a logger that was held up, and caught up
+        places = np.arange(len(t), dtype=float)
+    rate, start = np.polyfit(places, t - t[0], 1)
+    even = t[0] + start + rate * places
+    if len(t) < _LEAST or (t - even).std() < _NOTICED * rate:
+        return None
+    drift = uniform_filter1d(t - even, _AROUND)
+    if np.abs(t - even).max() > _LOST * rate or np.abs(drift).max() > _DRIFT * rate:
         return None
     return np.asarray(even)
 
