@@ -77,18 +77,17 @@ class HiddenFeedforward(CommandLaw):
     """
 
     def bind(self, plant: Plant) -> None:
-        """The servo's stiffness; no command has come yet."""
+        """The servo's stiffness, and how often commands come; none has come yet."""
         self._ahead = self.number("coefficient") / float(plant.kp[plant.index(self.place)])
-        self._h, self._last, self._rate = plant.h, math.nan, 0.0
-        self._since, self._least = 0, math.inf
+        self._interval, self._h = plant.interval, plant.h
+        self._last, self._rate, self._since = math.nan, 0.0, 0
 
     def command(self, u: float) -> float:
-        """Commands come as often as they ever did; one that lasts longer has no rate any more."""
+        """A command that lasts longer than others was sent again, and has no rate any more."""
         self._since += 1
         if u != self._last and not math.isnan(self._last):
-            self._least = min(self._least, self._since)
-            self._rate, self._since = (u - self._last) / (self._least * self._h), 0
-        elif self._since >= self._least:
+            self._rate, self._since = (u - self._last) / self._interval, 0
+        elif self._since * self._h > self._interval + 0.5 * self._h:
             self._rate = 0.0
         self._last = u
         return u + self._ahead * self._rate

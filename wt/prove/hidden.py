@@ -118,6 +118,7 @@ class Plant:
         gain: float,
         tolerances: Float[np.ndarray, "2 joint"],
         step: float | None = None,
+        interval: float = 0.01,
     ) -> None:
         """Build and compile.
 
@@ -127,13 +128,14 @@ class Plant:
             gain: factor on servo stiffness, as in the nominal model.
             tolerances: model tolerances: factors on each link's mass (row 0) and damping (row 1).
             step: time step [s]; the rig's when None, halved for stiff laws.
+            interval: from one command to the next [s].
         """
         spec = mujoco.MjSpec.from_string(nominal_xml(rig, gyro=True))
         for actuator in list(spec.actuators):
             spec.delete(actuator)
         for law in laws:
             law.edit(spec)
-        self.rig, self.model = rig, spec.compile()
+        self.rig, self.model, self.interval = rig, spec.compile(), interval
         fine = any(law.fine for law in laws)
         self.h = step or rig.step * (0.5 if fine and rig.step > 3e-4 else 1.0)
         self.model.opt.timestep = self.h

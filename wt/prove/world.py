@@ -148,7 +148,8 @@ def hidden_plant(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> Pl
         factors[0, wrong] = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.06, 0.1)
     # tolerances come first, so that a hidden friction is the one that acts
     usual = tolerances(case, rig) if isinstance(rig, Legged) else []
-    return Plant(rig, [*usual, *laws], case.gain, factors)
+    interval = 1.0 / case.sensing.rate
+    return Plant(rig, [*usual, *laws], case.gain, factors, interval=interval)
 
 
 def sensor_effects(case: Case, hidden: Sequence[HiddenEffect] | None = None) -> list[SensorEffect]:
