@@ -49,6 +49,7 @@ class Memory:
         """Remember nothing yet of these replays."""
         self._objective = objective
         self._known: dict[int, _Joint] = {}
+        self._asked: dict[int, tuple[set[Key], Float[np.ndarray, " sample"]]] = {}
 
     def same(self, now: Assessed) -> set[int]:
         """Degrees of freedom at which what is left has stayed as it was when they were tried."""
@@ -70,6 +71,19 @@ class Memory:
     def pairs(self, same: Iterable[int]) -> list[tuple[Planted, ...]]:
         """Pairs that came near to earning their place where nothing has changed."""
         return [parts for d in same for parts in self._known[d].near if len(parts) == 2]
+
+    def unasked(self, now: Assessed, dof: int) -> bool:
+        """Tell, once, whether a joint has changed since this was asked of it: what it has, and errs.
+
+        Where a base floats all joints err together, and it is no joint's turn.
+        """
+        scene, left = self._objective.scene, self._objective.left(now)[:, dof]
+        has = {p.key for p in now.hypothesis if scene.dof_at(p.at) == dof}
+        before = self._asked.get(dof)
+        if scene.free or (before and before[0] == has and _close(before[1], left)):
+            return False
+        self._asked[dof] = has, left.copy()
+        return True
 
     def note(
         self,

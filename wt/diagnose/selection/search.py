@@ -22,6 +22,7 @@ from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replac
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.memory import Memory
+from wt.diagnose.selection.several import several
 from wt.diagnose.selection.simpler import by_what_they_became
 from wt.diagnose.stop import StoppedError, stoppable, stopped
 from wt.diagnose.thresholds import THRESHOLDS
@@ -68,7 +69,8 @@ def search(
         room = most - len(state.accepted)
         latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, memory)
         after = _joined(screen, objective, state, latest, log, union) if latest else state
-        return after, {a.planted.key for a in latest}
+        after, instead = _exchanged(objective, after, log, union, memory)
+        return after, {a.planted.key for a in (*latest, *instead)}
 
     def lead(after: _State, state: _State) -> float:
         # likelihoods compare only where the same may adapt: both around the later state
@@ -179,6 +181,58 @@ def _joined(
     accepted, now, slopes = _prune(objective, accepted, _fitted(objective, hypothesis), log)
     sure = _reconsidered(screen, objective, accepted, now, log, banned, joined, slopes)
     return _State(*sure)
+
+
+def _exchanged(
+    objective: Objective,
+    state: _State,
+    log: DecisionLog,
+    banned: Container[Key],
+    memory: Memory,
+) -> tuple[_State, list[Accepted]]:
+    """A state in which several laws of a joint together have taken the place of what it had.
+
+    Asked where a joint errs with all that was found, as it does where that only stands in for them.
+
+    Returns:
+        (state; what is new in it).
+    """
+    instead = list[Accepted]()
+    for dof in [d for d in erring_joints(objective, state.now) if memory.unasked(state.now, d)]:
+        others, had = _apart(objective, state, dof)
+        laws = several(objective, state.now, dof, banned)
+        if {p.key for p, _ in laws} <= {a.planted.key for a in had}:
+            continue
+        accepted = [*others, *(Accepted(p, shape, ()) for p, shape in laws)]
+        fit = _fitted(objective, tuple(a.planted for a in accepted))
+        accepted, fit, _ = _prune(objective, accepted, fit, DecisionLog())
+        lead, least = worth(objective, fit, state.now), THRESHOLDS.min_nats
+        ahead = merit(objective, fit) > merit(objective, state.now)
+        taken = ahead and earns(objective, fit, state.now)
+        said = " and ".join(str(p) for p, _ in laws)
+        reason = f"{said} together {'take its place' if taken else 'are not clearly ahead'}"
+        for a in had:
+            log.add(a.planted, "reconsidered", not taken, lead, least, reason)
+        if taken:
+            known = state.names
+            state = _State(accepted, fit)
+            new = [a for a in accepted if a.planted.key not in known]
+            for a in new:
+                log.add(a.planted, "joined", True, lead, least, f"of {said} together")
+            instead += new
+        else:
+            now = objective.reference(state.now.hypothesis, state.now.tolerances)
+            state = replace(state, now=now)
+    return state, instead
+
+
+def _apart(objective: Objective, state: _State, dof: int) -> tuple[list[Accepted], list[Accepted]]:
+    """Effects of a state as they are now: those elsewhere, and those at one joint alone."""
+    pairs = zip(state.accepted, state.now.hypothesis, strict=True)
+    present = [replace(a, planted=p) for a, p in pairs]
+    here = [objective.scene.dof_at(a.planted.at) == dof for a in present]
+    others = [a for a, its in zip(present, here, strict=True) if not its]
+    return others, [a for a, its in zip(present, here, strict=True) if its]
 
 
 def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:

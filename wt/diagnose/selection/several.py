@@ -1,0 +1,210 @@
+"""Several laws of one joint at once: all smooth ones are fitted together, then the needless leave.
+
+A servo's gain, its damping, and its joint's friction and rotor may all be off. One at a time, the
+search takes what stands in for two of them, such as gear play, and nothing that joins later shows
+what the first should have been. The other way round none stands in for others: all laws that a
+force is linear in are fitted together, and of these leave, one by one, what says least beside the
+rest (general to specific: D. F. Hendry, Dynamic Econometrics, 1995). Which leave is decided on the
+replays' slopes, and costs no replay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from dataclasses import replace
+from typing import NamedTuple, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from wt.diagnose.likelihood.bic import price
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.refine import jacobian
+from wt.diagnose.selection.candidates import excluded
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import Common, Effect, Shape, effects
+from wt.physics.hooks import shaped
+from wt.physics.planted import Hypothesis, Key, Planted
+from wt.types import Location
+
+Theta = Float[np.ndarray, " law"]
+
+_ROUNDS = 4
+"""So often all laws are fitted together, each time linear around what the last one said."""
+_DAMPINGS = (1e-6, 1e-2, 1.0)
+"""Of steps that are tried side by side (Levenberg and Marquardt)."""
+_CONVERGED = 0.5  # nats that a step gains
+
+
+class Law(NamedTuple):
+    """A law of one parameter, in which its force is linear.
+
+    Attributes:
+        at: where.
+        forms: it with the shape of its signature: more of it, and less where a model has any.
+        start: its parameter where nothing is known of it.
+    """
+
+    at: Location
+    forms: tuple[tuple[Effect, Shape], ...]
+    start: float
+
+    @property
+    def nothing(self) -> float:
+        """Its parameter where it is nothing."""
+        neutral = self.forms[0][0].parameters[0].neutral
+        assert neutral is not None
+        return neutral
+
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest parameter."""
+        parameters = [effect.parameters[0] for effect, _ in self.forms]
+        return min(p.lower for p in parameters), max(p.upper for p in parameters)
+
+    def planted(self, theta: float) -> tuple[Planted, Shape]:
+        """It with such a parameter, in the form that has it."""
+        effect, shape = next(
+            (e, s) for e, s in self.forms if e.parameters[0].lower <= theta <= e.parameters[0].upper
+        )
+        return Planted(effect, self.at, np.array([theta])), shape
+
+
+class _Joint(NamedTuple):
+    """Laws of a joint beside what is found elsewhere.
+
+    Attributes:
+        objective: the replays.
+        others: what is found elsewhere.
+        laws: of the joint.
+    """
+
+    objective: Objective
+    others: Hypothesis
+    laws: tuple[Law, ...]
+
+    def hypothesis(self, theta: Theta, kept: Sequence[int]) -> Hypothesis:
+        """What is found elsewhere, and some of the laws."""
+        return (*self.others, *(self.laws[i].planted(float(theta[i]))[0] for i in kept))
+
+
+def several(
+    objective: Objective, now: Assessed, dof: int, banned: Container[Key] = frozenset()
+) -> list[tuple[Planted, Shape]]:
+    """Smooth laws of a joint that may say together what is found there, and more.
+
+    Args:
+        objective: the replays, linearised around the present hypothesis.
+        now: the present hypothesis.
+        dof: degree of freedom of the joint.
+        banned: what must not join.
+
+    Returns:
+        Laws, with the shapes of their signatures, to take the place of all that is found at this
+        joint alone; none where that is as good.
+    """
+    others = tuple(p for p in now.hypothesis if objective.scene.dof_at(p.at) != dof)
+    laws = tuple(
+        law
+        for law in _laws(objective, now, dof)
+        if (law.forms[0][0].id, law.at.kind, law.at.name) not in banned
+        and not any(excluded(law.planted(law.start)[0], p) for p in others)
+    )
+    joint = _Joint(objective, others, laws)
+    there, slope, theta = _together(joint)
+    if not there.loglik > now.loglik + THRESHOLDS.min_nats:
+        return []
+    kept = _needed(joint, there, slope, theta)
+    kept_theta = _solved(joint, there, slope, theta, kept)[1]
+    return [joint.laws[i].planted(float(kept_theta[i])) for i in kept]
+
+
+def _laws(objective: Objective, now: Assessed, dof: int) -> list[Law]:
+    """Laws of one joint or its drives, each from where it was found."""
+    motion, scene, laws = objective.motion, objective.scene, []
+    found = {p.key: p for p in now.hypothesis}
+    for effect in effects().values():
+        if len(effect.parameters) != 1 or effect.parameters[0].neutral is None:
+            continue
+        if effect.kind not in ("joint", "actuator") or effect.n_theta != 1:
+            continue
+        for at in effect.places(scene):
+            shapes = effect.shapes(motion, at) if scene.dof_at(at) == dof else []
+            if () not in shapes:
+                continue
+            present = found.get((effect.id, at.kind, at.name))
+            neutral = effect.parameters[0].neutral
+            start = neutral if present is None else float(present.theta[0])
+            laws.append(Law(at, tuple((shaped(effect, s), s) for s in shapes), start))
+    return laws
+
+
+def _together(joint: _Joint) -> tuple[Assessed, Float[np.ndarray, "sample dof law"], Theta]:
+    """All laws fitted together: where they are, the replays' slopes there, and their parameters."""
+    objective, every = joint.objective, range(len(joint.laws))
+    parts = range(len(joint.others), len(joint.others) + len(joint.laws))
+    theta = np.array([law.start for law in joint.laws])
+    (there,) = objective.evaluate([joint.hypothesis(theta, every)])
+    (slope,) = jacobian(objective, [there], [parts])
+    for _ in range(_ROUNDS):
+        ways = [_solved(joint, there, slope, theta, every, d)[1] for d in _DAMPINGS]
+        fits = objective.evaluate([joint.hypothesis(way, every) for way in ways])
+        best = max(range(len(ways)), key=lambda k: fits[k].loglik)
+        gained = fits[best].loglik - there.loglik
+        if not gained > 0.0:
+            break
+        there, theta = fits[best], ways[best]
+        (slope,) = jacobian(objective, [there], [parts], [slope])
+        if gained < _CONVERGED:
+            break
+    return there, slope, theta
+
+
+def _solved(
+    joint: _Joint,
+    there: Assessed,
+    slope: Float[np.ndarray, "sample dof law"],
+    theta: Theta,
+    kept: Sequence[int],
+    damping: float = _DAMPINGS[0],
+) -> tuple[float, Theta]:
+    """Log-likelihood and parameters of some of the laws alone, by the slopes."""
+    objective, kept = joint.objective, list(kept)
+    nothing = np.array([law.nothing for law in joint.laws])
+    gone = np.setdiff1d(np.arange(len(theta)), kept)
+    error = there.error + slope[:, :, gone] @ (nothing - theta)[gone]
+    ends = np.array([law.ends() for law in joint.laws])[kept].reshape(-1, 2)
+    hypothesis = joint.hypothesis(theta, kept)
+    start = replace(there, error=error, hypothesis=hypothesis)
+    low, high = (ends - theta[kept, None]).T
+    sizes, step = objective.solve(start, slope[:, :, kept], low, high, damping)
+    left = objective.adapted(error + slope[:, :, kept] @ step, sizes)
+    variance = objective.channels.variance(objective.channels.sums(left**2))
+    solved = nothing.copy()
+    solved[kept] = np.clip(theta[kept] + step, *ends.T)
+    return objective.channels.nats(variance) - 0.5 * float(sizes @ sizes), solved
+
+
+def _needed(
+    joint: _Joint, there: Assessed, slope: Float[np.ndarray, "sample dof law"], theta: Theta
+) -> list[int]:
+    """Laws that are left once what says least beside the others has gone, one by one."""
+
+    def merit(kept: Sequence[int]) -> float:
+        loglik, solved = _solved(joint, there, slope, theta, kept)
+        hypothesis = joint.hypothesis(solved, kept)
+        due = THRESHOLDS.min_nats * len(hypothesis)
+        return loglik - price(joint.objective, hypothesis) - due
+
+    def usual(i: int) -> int:
+        return get_args(Common).index(joint.laws[i].forms[0][0].common)
+
+    kept = list(range(len(joint.laws)))
+    ways = [(merit(kept), kept)]
+    while len(kept) > 1:
+        less = {i: merit([k for k in kept if k != i]) for i in kept}
+        best = max(less.values())
+        close = [i for i in kept if less[i] > best - THRESHOLDS.evident_nats]
+        leaves = min(close, key=lambda i: (usual(i), -less[i]))
+        kept = [k for k in kept if k != leaves]
+        ways.append((less[leaves], kept))
+    return max(ways, key=lambda way: way[0])[1]
