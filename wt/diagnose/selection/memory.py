@@ -73,7 +73,7 @@ class Memory:
         return [parts for d in same for parts in self._known[d].near if len(parts) == 2]
 
     def unasked(self, now: Assessed, dof: int) -> bool:
-        """Tell, once, whether a joint has changed since this was asked of it: what it has, and errs.
+        """Tell, once, whether a joint has other effects, or other errors, than when last asked.
 
         Where a base floats all joints err together, and it is no joint's turn.
         """

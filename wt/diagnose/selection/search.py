@@ -221,8 +221,8 @@ def _exchanged(
                 log.add(a.planted, "joined", True, lead, least, f"of {said} together")
             instead += new
         else:
-            now = objective.reference(state.now.hypothesis, state.now.tolerances)
-            state = replace(state, now=now)
+            # as they were, to the bit
+            objective.reference(state.now.hypothesis, state.now.centre, most=1)
     return state, instead
 
 
