@@ -154,9 +154,8 @@ def test_they_take_no_place_without_being_clearly_ahead(
     monkeypatch.setattr(search_module, "erring_joints", lambda *_: [0])
     monkeypatch.setattr(search_module, "several", lambda *_: [(p, ()) for p in two])
     log, memory = DecisionLog(), Memory(objective)
-    after, new = _exchanged(objective, state, log, (), memory)
+    after = _exchanged(objective, state, log, (), memory)
     assert [a.planted.effect.id for a in after.accepted] == ["joint.friction_coulomb"]
-    assert [a.planted.key for a in new] == [dry.key] * better
     assert [(d.stage, d.kept) for d in log] == (
         [("reconsidered", False), ("joined", True)] if better else [("reconsidered", True)]
     )
@@ -164,4 +163,4 @@ def test_they_take_no_place_without_being_clearly_ahead(
         objective.left(after.now) == objective.left(objective.reference(after.now.hypothesis))
     ).all()
     # asked once of a joint as it is
-    assert better or _exchanged(objective, after, log, (), memory) == (after, [])
+    assert better or _exchanged(objective, after, log, (), memory) is after

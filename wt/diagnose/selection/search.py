@@ -56,21 +56,20 @@ def search(
     Returns:
         The effects in the order in which they were added.
     """
-    most = THRESHOLDS.most_effects
     latest, memory = list[Accepted](), Memory(objective)  # what joined in the last round
 
     def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
         latest.clear()
-        if len(state.accepted) >= most or exhausted(objective, state.now):
+        room = THRESHOLDS.most_effects - len(state.accepted)
+        if room <= 0 or exhausted(objective, state.now):
             return state, set()
         if report:
             report(len(state.accepted) + 1, len(erring_joints(objective, state.now)))
         union = _Union(banned, refused)
-        room = most - len(state.accepted)
         latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, memory)
         after = _joined(screen, objective, state, latest, log, union) if latest else state
-        after, instead = _exchanged(objective, after, log, union, memory)
-        return after, {a.planted.key for a in (*latest, *instead)}
+        after = _exchanged(objective, after, log, union, memory)
+        return after, {a.planted.key for a in latest} | (after.names - state.names)
 
     def lead(after: _State, state: _State) -> float:
         # likelihoods compare only where the same may adapt: both around the later state
@@ -189,15 +188,11 @@ def _exchanged(
     log: DecisionLog,
     banned: Container[Key],
     memory: Memory,
-) -> tuple[_State, list[Accepted]]:
+) -> _State:
     """A state in which several laws of a joint together have taken the place of what it had.
 
     Asked where a joint errs with all that was found, as it does where that only stands in for them.
-
-    Returns:
-        (state; what is new in it).
     """
-    instead = list[Accepted]()
     for dof in [d for d in erring_joints(objective, state.now) if memory.unasked(state.now, d)]:
         others, had = _apart(objective, state, dof)
         laws = several(objective, state.now, dof, banned)
@@ -209,21 +204,19 @@ def _exchanged(
         lead, least = worth(objective, fit, state.now), THRESHOLDS.min_nats
         ahead = merit(objective, fit) > merit(objective, state.now)
         taken = ahead and earns(objective, fit, state.now)
-        said = " and ".join(str(p) for p, _ in laws)
+        parts = [p for p in fit.hypothesis if objective.scene.dof_at(p.at) == dof]
+        said = " and ".join(str(p) for p in parts)
         reason = f"{said} together {'take its place' if taken else 'are not clearly ahead'}"
         for a in had:
             log.add(a.planted, "reconsidered", not taken, lead, least, reason)
         if taken:
-            known = state.names
-            state = _State(accepted, fit)
-            new = [a for a in accepted if a.planted.key not in known]
-            for a in new:
+            for a in (a for a in accepted if a.planted.key not in state.names):
                 log.add(a.planted, "joined", True, lead, least, f"of {said} together")
-            instead += new
+            state = _State(accepted, fit)
         else:
             # as they were, to the bit
             objective.reference(state.now.hypothesis, state.now.centre, most=1)
-    return state, instead
+    return state
 
 
 def _apart(objective: Objective, state: _State, dof: int) -> tuple[list[Accepted], list[Accepted]]:
