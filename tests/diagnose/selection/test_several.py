@@ -154,7 +154,7 @@ def test_they_take_no_place_without_being_clearly_ahead(
     monkeypatch.setattr(search_module, "erring_joints", lambda *_: [0])
     monkeypatch.setattr(search_module, "several", lambda *_: [(p, ()) for p in two])
     log, memory = DecisionLog(), Memory(objective)
-    after = _exchanged(objective, state, log, (), memory)
+    after = _exchanged(objective, state, log, (), memory, False)
     assert [a.planted.effect.id for a in after.accepted] == ["joint.friction_coulomb"]
     assert [(d.stage, d.kept) for d in log] == (
         [("reconsidered", False), ("joined", True)] if better else [("reconsidered", True)]
@@ -163,4 +163,4 @@ def test_they_take_no_place_without_being_clearly_ahead(
         objective.left(after.now) == objective.left(objective.reference(after.now.hypothesis))
     ).all()
     # asked once of a joint as it is
-    assert better or _exchanged(objective, after, log, (), memory) is after
+    assert better or _exchanged(objective, after, log, (), memory, False) is after

@@ -68,7 +68,7 @@ def search(
         union = _Union(banned, refused)
         latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, memory)
         after = _joined(screen, objective, state, latest, log, union) if latest else state
-        after = _exchanged(objective, after, log, union, memory)
+        after = _exchanged(objective, after, log, union, memory, everywhere=not latest)
         return after, {a.planted.key for a in latest} | (after.names - state.names)
 
     def lead(after: _State, state: _State) -> float:
@@ -188,13 +188,17 @@ def _exchanged(
     log: DecisionLog,
     banned: Container[Key],
     memory: Memory,
+    everywhere: bool,
 ) -> _State:
     """A state in which several laws of a joint together have taken the place of what it had.
 
-    Asked where a joint errs with all that was found, as it does where that only stands in for them.
+    Asked where a joint errs with all that was found, as it does where that only stands in for them;
+    where nothing was found, it is once no single effect joins any more.
     """
-    for dof in [d for d in erring_joints(objective, state.now) if memory.unasked(state.now, d)]:
+    for dof in erring_joints(objective, state.now):
         others, had = _apart(objective, state, dof)
+        if not (had or everywhere) or not memory.unasked(state.now, dof):
+            continue
         laws = several(objective, state.now, dof, banned)
         if {p.key for p, _ in laws} <= {a.planted.key for a in had}:
             continue

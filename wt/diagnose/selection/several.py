@@ -17,7 +17,7 @@ from typing import NamedTuple, get_args
 import numpy as np
 from jaxtyping import Float
 
-from wt.diagnose.likelihood.bic import price
+from wt.diagnose.likelihood.bic import merit
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import jacobian
 from wt.diagnose.selection.candidates import excluded
@@ -113,9 +113,11 @@ def several(
     there, slope, theta = _together(joint)
     if not there.loglik > now.loglik + THRESHOLDS.min_nats:
         return []
-    kept = _needed(joint, there, slope, theta)
-    kept_theta = _solved(joint, there, slope, theta, kept)[1]
-    return [joint.laws[i].planted(float(kept_theta[i])) for i in kept]
+    left, kept = _needed(joint, there, slope, theta)
+    if not left > merit(objective, now):
+        return []
+    solved = _solved(joint, there, slope, theta, kept)[1]
+    return [joint.laws[i].planted(float(solved[i])) for i in kept]
 
 
 def _laws(objective: Objective, now: Assessed, dof: int) -> list[Law]:
@@ -186,25 +188,30 @@ def _solved(
 
 def _needed(
     joint: _Joint, there: Assessed, slope: Float[np.ndarray, "sample dof law"], theta: Theta
-) -> list[int]:
-    """Laws that are left once what says least beside the others has gone, one by one."""
+) -> tuple[float, list[int]]:
+    """Laws that are left once what says least beside the others has gone, one by one.
 
-    def merit(kept: Sequence[int]) -> float:
-        loglik, solved = _solved(joint, there, slope, theta, kept)
-        hypothesis = joint.hypothesis(solved, kept)
-        due = THRESHOLDS.min_nats * len(hypothesis)
-        return loglik - price(joint.objective, hypothesis) - due
+    Of those that say the same the least usual goes first.
+
+    Returns:
+        (merit by the slopes; the laws where it is highest).
+    """
 
     def usual(i: int) -> int:
         return get_args(Common).index(joint.laws[i].forms[0][0].common)
 
+    def merit_of(kept: Sequence[int]) -> float:
+        loglik, solved = _solved(joint, there, slope, theta, kept)
+        fit = replace(there, hypothesis=joint.hypothesis(solved, kept), loglik=loglik)
+        return merit(joint.objective, fit)
+
     kept = list(range(len(joint.laws)))
-    ways = [(merit(kept), kept)]
+    ways = [(merit_of(kept), kept)]
     while len(kept) > 1:
-        less = {i: merit([k for k in kept if k != i]) for i in kept}
+        less = {i: merit_of([k for k in kept if k != i]) for i in kept}
         best = max(less.values())
         close = [i for i in kept if less[i] > best - THRESHOLDS.evident_nats]
         leaves = min(close, key=lambda i: (usual(i), -less[i]))
         kept = [k for k in kept if k != leaves]
         ways.append((less[leaves], kept))
-    return max(ways, key=lambda way: way[0])[1]
+    return max(ways, key=lambda way: way[0])
