@@ -68,3 +68,11 @@ def test_pairs_are_remembered_as_such(rubbing: World) -> None:
     memory.note(now, [(DRY_2, None), (ROTOR_2, None)], [both], ())
     assert memory.pairs({1}) == [both.hypothesis]
     assert memory.narrowed([(DRY_2, None), (ROTOR_2, None)], {1}) == []
+
+
+def test_a_joint_is_asked_of_once_until_it_changes(rubbing: World) -> None:
+    objective = rubbing.objective
+    now, memory = objective.reference(()), Memory(objective)
+    assert [memory.unasked(now, dof) for dof in (0, 1, 0, 1)] == [True, True, False, False]
+    with_it = objective.reference((planted("friction_coulomb", "j1", 0.8),))
+    assert [memory.unasked(with_it, dof) for dof in (0, 1, 0)] == [True, False, False]

@@ -110,7 +110,11 @@ def several(
         and not any(excluded(law.planted(law.start)[0], p) for p in others)
     )
     joint = _Joint(objective, others, laws)
-    there, slope, theta = _together(joint)
+    theta = np.array([law.start for law in laws])
+    (there,) = objective.evaluate([joint.hypothesis(theta, range(len(laws)))])
+    if not laws or not np.isfinite(there.loglik):
+        return []
+    there, slope, theta = _together(joint, there, theta)
     if not there.loglik > now.loglik + THRESHOLDS.min_nats:
         return []
     left, kept = _needed(joint, there, slope, theta)
@@ -125,27 +129,31 @@ def _laws(objective: Objective, now: Assessed, dof: int) -> list[Law]:
     motion, scene, laws = objective.motion, objective.scene, []
     found = {p.key: p for p in now.hypothesis}
     for effect in effects().values():
-        if len(effect.parameters) != 1 or effect.parameters[0].neutral is None:
-            continue
         if effect.kind not in ("joint", "actuator") or effect.n_theta != 1:
             continue
-        for at in effect.places(scene):
-            shapes = effect.shapes(motion, at) if scene.dof_at(at) == dof else []
-            if () not in shapes:
+        nothing = effect.parameters[0].neutral
+        for at in (at for at in effect.places(scene) if scene.dof_at(at) == dof):
+            shapes = effect.shapes(motion, at)
+            if nothing is None or () not in shapes:
                 continue
             present = found.get((effect.id, at.kind, at.name))
-            neutral = effect.parameters[0].neutral
-            start = neutral if present is None else float(present.theta[0])
+            start = nothing if present is None else float(present.theta[0])
             laws.append(Law(at, tuple((shaped(effect, s), s) for s in shapes), start))
     return laws
 
 
-def _together(joint: _Joint) -> tuple[Assessed, Float[np.ndarray, "sample dof law"], Theta]:
-    """All laws fitted together: where they are, the replays' slopes there, and their parameters."""
+def _together(
+    joint: _Joint, there: Assessed, theta: Theta
+) -> tuple[Assessed, Float[np.ndarray, "sample dof law"], Theta]:
+    """All laws fitted together: the fit, the replays' slopes there, and the parameters.
+
+    Args:
+        joint: the laws.
+        there: where they begin.
+        theta: their parameters there.
+    """
     objective, every = joint.objective, range(len(joint.laws))
     parts = range(len(joint.others), len(joint.others) + len(joint.laws))
-    theta = np.array([law.start for law in joint.laws])
-    (there,) = objective.evaluate([joint.hypothesis(theta, every)])
     (slope,) = jacobian(objective, [there], [parts])
     for _ in range(_ROUNDS):
         ways = [_solved(joint, there, slope, theta, every, d)[1] for d in _DAMPINGS]
