@@ -168,6 +168,56 @@ def ahead(coefficient: float = 2.0, steps: int = 5) -> Hook:
     return hook
 
 
+def leaning(ki: float = 40.0) -> Hook:
+    """The servo's position error, summed up over time, pushes j1."""
+    total = {"error": 0.0}
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qfrc_applied[1] += ki * total["error"]
+        total["error"] += H * float(data.ctrl[1] - data.qpos[1])
+
+    return hook
+
+
+def slow(speed: float = 0.8) -> Hook:
+    """The servo's target walks to its command in steps that are never larger than it may."""
+    memory: list[float] = []
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        u = float(data.ctrl[1])
+        last = memory[-1] if memory else u
+        way = abs(u - last)
+        memory.append(u if way <= speed * H else last + speed * H * (u - last) / way)
+        data.ctrl[1] = memory[-1]
+
+    return hook
+
+
+def planned(speed: float = 0.9, acceleration: float = 6.0) -> Hook:
+    """The servo's target speeds up and slows down evenly so that it comes to rest at its command.
+
+    Whatever lets it stop in time is chosen of speeding up, going on and slowing down.
+    """
+    state: dict[str, float] = {}
+
+    def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        u = float(data.ctrl[1])
+        x, w = state.setdefault("x", u), state.setdefault("w", 0.0)
+        side = 1.0 if u >= x else -1.0
+        best = -np.inf
+        for change in np.linspace(-1.0, 1.0, 41) * acceleration * H:
+            then = side * (w + change)
+            stops = side * (u - x - (w + change) * H) - 0.5 * then * then / acceleration
+            fits = then <= speed + 1e-12 and (then <= 0.0 or stops >= 0.0)
+            if fits and then > best:
+                best, w_next = then, w + change
+        state["w"] = w_next if best > -np.inf else w - side * acceleration * H
+        state["x"] = x + state["w"] * H
+        data.ctrl[1] = state["x"]
+
+    return hook
+
+
 def at_com(model: mujoco.MjModel, data: mujoco.MjData, force: Array) -> None:
     data.xfrc_applied[model.body("b2").id, :3] += force
 

@@ -40,6 +40,9 @@ TABLE = {
     "actuator.gain": [("factor", "-")],
     "actuator.damping": [("factor", "-")],
     "actuator.feedforward": [("coefficient", "N·m·s/rad")],
+    "actuator.integral": [("ki", "N·m/(rad·s)")],
+    "actuator.slew_rate": [("speed", "rad/s")],
+    "actuator.profile": [("speed", "rad/s"), ("acceleration", "rad/s²")],
     "actuator.bias": [("torque", "N·m")],
     "actuator.delay": [("delay", "s")],
     "actuator.lag": [("time_constant", "s")],
@@ -87,7 +90,8 @@ TABLE = {
 WITHOUT = ("joint.backlash",)
 # Nothing of these is more than any machine has.
 ENDLESS = (
-    "actuator.saturation", "actuator.speed_limit", "body.payload_fixed", "body.payload_moving",
+    "actuator.profile", "actuator.saturation", "actuator.slew_rate", "actuator.speed_limit",
+    "body.payload_fixed", "body.payload_moving",
     "body.tether", "contact.compliance", "contact.friction", "contact.obstacle",
     "joint.elasticity", "joint.stop",
 )  # fmt: skip

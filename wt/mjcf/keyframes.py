@@ -57,8 +57,14 @@ def _copy(given: mujoco.MjModel, patched: mujoco.MjModel, data: mujoco.MjData, k
         if k >= 0 and given.actuator_actnum[k] == count and count:
             before = given.actuator_actadr[k]
             data.act[start : start + count] = given.key_act[key, before : before + count]
-        elif int(patched.actuator_dyntype[i]) in _FILTERS:
+        elif int(patched.actuator_dyntype[i]) in _FILTERS or _limits_goal(patched, i):
             data.act[start] = data.ctrl[patched.actuator_ctrladr[i]]
+
+
+def _limits_goal(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether the first activation of an actuator is a goal that follows its command."""
+    pid = int(model.actuator_dyntype[actuator]) == mujoco.mjtDyn.mjDYN_PID
+    return pid and bool(model.actuator_dynprm[actuator, 1] > 0.0)
 
 
 def _joints(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, tuple[float, float]]:

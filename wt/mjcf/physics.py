@@ -33,6 +33,7 @@ HELPERS: dict[Helper, tuple[str, ...]] = {
     "creep": ("_creep",),
     "swing": ("_swing",),
     "gear": ("_gear", "_drives", "_drive"),
+    "profile": ("_profile",),
 }
 """What lines of effects may ask for, and the methods that it takes."""
 _DRIVES: set[Helper] = {"drive", "drives"}

@@ -84,6 +84,7 @@ def _window(
     if physics is not None:
         physics.reset(data)
     _fill(model, data, stored["actuators"], stored["activation"][window], u[: before + 1])
+    _remind(model, data, physics, stored, window)
     u = u[before:]
     known = [model.joint(j).name for j in range(model.njnt)]
     for k, name in enumerate(map(str, stored["added"])):
@@ -160,6 +161,27 @@ def _fill(
             for value in arrived[:-1]:
                 act = value + (act - value) * keep
         data.act[model.actuator_actadr[i]] = act
+
+
+def _remind(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    physics: Any,  # noqa: ANN401
+    stored: Mapping[str, Array],
+    window: int,
+) -> None:
+    """States that come of all that was before a window: goals and integrals of servos."""
+    known = {} if physics is None else physics.begin
+    known.clear()
+    for k, name in enumerate(map(str, stored.get("remembered", ()))):
+        x, (actuator, _, what) = float(stored["remembered_x"][window, k]), name.rpartition(" ")
+        known[name] = x
+        if what not in ("goal", "integral"):
+            continue
+        i = model.actuator(actuator).id
+        if int(model.actuator_dyntype[i]) == mujoco.mjtDyn.mjDYN_PID:  # not so as it was given
+            last = int(model.actuator_actnum[i]) - 1 if what == "integral" else 0
+            data.act[model.actuator_actadr[i] + last] = x
 
 
 class _Joints:

@@ -31,8 +31,12 @@ class Physics:
         joints = map(model.joint, range(model.njnt))
         self._joints = {j.name: (int(j.qposadr[0]), int(j.dofadr[0])) for j in joints}
         self._actuators = {model.actuator(i).name: i for i in range(model.nactuator)}
-        late = (model.actuator_history[:, 0] > 0) | (model.actuator_actnum == 1)
+        limited = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_PID) & (model.actuator_dynprm[:, 1] > 0)
+        single = (model.actuator_actnum == 1) & (model.actuator_dyntype != mujoco.mjtDyn.mjDYN_PID)
+        self._acting = single | limited  # their first activation is what the command has become
+        late = (model.actuator_history[:, 0] > 0) | self._acting
         self._late = np.flatnonzero(late & (model.actuator_ctrlnum == 1))
+        self.begin: dict[str, float] = {}  # hidden states to begin with, by name, where known
         self._t: Array | None = None
         self._now: dict[str, Array] = {}
         self._next: dict[str, Array] = {}
@@ -54,7 +58,8 @@ class Physics:
             if late:
                 times = data.time - m.opt.timestep * np.arange(late, 0.0, -1.0)
                 mujoco.mj_initCtrlHistory(m, data, i, times[:, None], np.full((late, 1), u))
-            if int(m.actuator_dyntype[i]) in filters:
+            pid = int(m.actuator_dyntype[i]) == mujoco.mjtDyn.mjDYN_PID
+            if int(m.actuator_dyntype[i]) in filters or (pid and self._acting[i]):
                 data.act[m.actuator_actadr[i]] = u
         # <start>
 
@@ -115,7 +120,7 @@ class Physics:
         m, u = self.model, data.ctrl.copy()
         for i in self._late:
             k, got = m.actuator_ctrladr[i], np.zeros((1, 1))
-            u[k] = data.act[m.actuator_actadr[i]] if m.actuator_actnum[i] else u[k]
+            u[k] = data.act[m.actuator_actadr[i]] if self._acting[i] else u[k]
             if m.actuator_history[i, 0]:
                 mujoco.mj_readCtrl(m, data, i, data.time, got, m.actuator_history[i, 1])
                 u[k] = got[0, 0]
@@ -132,7 +137,8 @@ class Physics:
         self._t = np.where(moved | self._again, t, self._t)
 
     def _state(self, name: str, begin: Array) -> Array:
-        """A hidden state now; ``begin`` where a simulation begins."""
+        """A hidden state now; ``begin`` where a simulation begins, if nothing else is known."""
+        begin = np.broadcast_to(self.begin.get(name, begin), np.shape(begin))
         self._now[name] = np.where(self._again, begin, self._now.get(name, begin))
         return self._now[name]
 
@@ -228,6 +234,34 @@ class Physics:
         self._next[f"{name} p"] = q + h * v + ahead
         self._next[f"{name} w"] = v + fall * ((cosh - slow * sinh) * speed - rate**2 * sinh * lag)
         return lag, speed
+
+    def _profile(
+        self, name: str, q: Array, v: Array, u: Array, speed: float, acceleration: float, h: float
+    ) -> tuple[Array, int]:
+        """Force of a servo towards a goal that moves to its command by a profile, less its own."""
+        m, i = self.model, self._actuators[name]
+        joint, gear, k = m.actuator_trnid[i, 0], m.actuator_gear[i, 0], m.actuator_ctrladr[i]
+        dof, limited = int(m.jnt_dofadr[joint]), bool(m.actuator_ctrllimited[i])
+        u = np.clip(u[:, k], *m.actuator_ctrlrange[i]) if limited else u[:, k]
+        at, rate = self._state(f"{name} profile", u), self._state(f"{name} profile's rate", 0.0 * u)
+        speed, most = abs(gear) * speed, abs(gear) * acceleration * h
+        # as fast as it can be stopped from in such steps
+        fast = np.sqrt(0.25 * most**2 + 2.0 * most / h * np.abs(u - at)) - 0.5 * most
+        fast = np.minimum(np.minimum(fast, speed), np.abs(u - at) / h)
+        rate = rate + np.clip(np.sign(u - at) * fast - rate, -most, most)
+        self._next[f"{name} profile"], self._next[f"{name} profile's rate"] = at + rate * h, rate
+        at = at + rate * h
+        constant, stiffness, damping = m.actuator_biasprm[i, :3]
+        rest = constant + gear * (stiffness * q[:, m.jnt_qposadr[joint]] + damping * v[:, dof])
+        forces = [rest - stiffness * x for x in (at, u)]
+        if m.actuator_forcelimited[i]:
+            forces = [np.clip(x, *m.actuator_forcerange[i]) for x in forces]
+        more = forces[0] - forces[1]
+        if m.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_PID:  # it has summed the command's error
+            behind = self._state(f"{name} profile's sum", 0.0 * u)
+            self._next[f"{name} profile's sum"] = behind + h * (at - u)
+            more = more + m.actuator_gainprm[i, 0] * behind
+        return gear * more, dof
 
     def _drives(self, joint: str, qpos: Array, qvel: Array, ctrl: Array) -> Array:
         """Force of all drives of a joint, or of its rotor if it has one of its own."""

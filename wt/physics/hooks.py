@@ -11,6 +11,7 @@ Linearised     its force is linear in its first parameter and in that one's prod
 Nested         it contains a law with fewer parameters
 Uniting        it says alone what several others do together
 Stateful       its patch adds joints, which have a state when a replay begins
+Remembering    it has a state that comes of all that was before a replay begins
 OnInputs       a replay's commands or external forces are changed
 OnOutputs      what a replay's sensors report is changed
 OnSteps        it acts at every physics step of a replay
@@ -238,6 +239,20 @@ class Stateful(Effect):
         self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
     ) -> Mapping[str, Hidden]:
         """States that joints of the patch have where a stretch begins."""
+
+
+class Remembering(Effect):
+    """An effect with a state of its own that comes of all that was before a replay begins."""
+
+    @abc.abstractmethod
+    def remembered(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, float]:
+        """Its state where a stretch begins, by the names that written files know it by.
+
+        ``<actuator> goal`` and ``<actuator> integral`` are activations of a ``pid`` actuator; what
+        else there is are hidden states of ``physics.py``.
+        """
 
 
 class InReplay(Effect):

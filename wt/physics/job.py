@@ -45,6 +45,13 @@ def begun(model: mujoco.MjModel, stretch: Stretch) -> Float[np.ndarray, " actuat
     return activated(model, stretch.t[:1], stretch.command[:1])[0]
 
 
+def activation(model: mujoco.MjModel, name: str) -> int:
+    """Index of the activation ``<actuator> goal`` or ``<actuator> integral`` of a ``pid``."""
+    actuator, _, what = name.rpartition(" ")
+    of = model.actuator(actuator)
+    return int(of.actadr[0] + (of.actnum[0] - 1 if what == "integral" else 0))
+
+
 class Job:
     """One stretch on one hypothesis.
 
@@ -133,6 +140,10 @@ class Job:
         act = np.zeros(self.model.na)
         for i in np.flatnonzero(dynamic(given)):
             act[self.model.actuator(given.actuator(i).name).actadr[0]] = start[i]
+        for p in self.hypothesis:
+            if p.in_model:
+                for name, x in p.remembered(self.stretch).items():
+                    act[activation(self.model, name)] = x
         return act
 
 

@@ -20,6 +20,7 @@ from wt.physics.hooks import (
     Nested,
     OnInputs,
     OnOutputs,
+    Remembering,
     Stateful,
     observed,
 )
@@ -184,6 +185,12 @@ class Planted:
         if not isinstance(self.effect, Stateful):
             return {}
         return self.effect.started(self.at, self.theta, stretch)
+
+    def remembered(self, stretch: Stretch) -> Mapping[str, float]:
+        """State of its own where a stretch begins, by name; see :meth:`Remembering.remembered`."""
+        if not isinstance(self.effect, Remembering):
+            return {}
+        return self.effect.remembered(self.at, self.theta, stretch)
 
     def drive(self, inputs: Inputs, scene: Scene) -> None:
         """Change the commands or external forces of a replay, in place."""

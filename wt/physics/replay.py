@@ -105,6 +105,7 @@ class Inputs:
         force: world-frame force on bodies' centres of mass, body id → (S, 3) [N].
         torque: generalised force on degrees of freedom, dof → (S,) [N·m or N].
         before: how many of the steps lead to the replay.
+        stretch: what is replayed; None if nothing is.
     """
 
     recording: int
@@ -114,6 +115,7 @@ class Inputs:
     force: dict[int, Float[np.ndarray, "step 3"]] = field(default_factory=dict)
     torque: dict[int, Float[np.ndarray, " step"]] = field(default_factory=dict)
     before: int = 0
+    stretch: Stretch | None = None
 
     def of_replay(self) -> Inputs:
         """Without the steps that lead to it."""

@@ -162,7 +162,7 @@ class Replayer:
             before = stretch.steps_before(h)
             t = stretch.t[0] + h * np.arange(-before, steps)
             u = stretch.commands(h, steps, before)
-            given = Inputs(stretch.recording, t, h, u, before=before)
+            given = Inputs(stretch.recording, t, h, u, before=before, stretch=stretch)
             for i in late(self.scene.model):
                 own = float(self.scene.model.actuator_delay[i])
                 given.u[:, i] = given.delayed(given.u[:, i], own)

@@ -51,7 +51,7 @@ class States:
         """Commands in force just before and just after the samples of a stretch."""
         steps = int(np.ceil((s.t[-1] - s.t[0]) / self.step)) + 1
         t = s.t[0] + self.step * np.arange(steps)
-        inputs = Inputs(s.recording, t, self.step, s.commands(self.step, steps))
+        inputs = Inputs(s.recording, t, self.step, s.commands(self.step, steps), stretch=s)
         for p in self.hypothesis:
             p.drive(inputs, self.scene)
         self.exact &= not inputs.force

@@ -8,7 +8,8 @@ same figures, and ``wt verify`` does.
 last are joints of the patch), ``recordings`` (names) and ``recording`` (W), ``first`` (first sample
 of each window), ``q0``, ``v0`` (W, joint: the smoothed measurements at that sample), ``added_q``,
 ``added_v`` (W, added), ``activation`` (W, actuator: what drives of the given model that have
-dynamics act on there, else NaN), ``lead_first`` (W), ``lead_t``, ``lead`` (times and commands of
+dynamics act on there, else NaN), ``remembered`` (names), ``remembered_x`` (W, remembered: states that
+come of all that was before, by :meth:`Remembering.remembered`), ``lead_first`` (W), ``lead_t``, ``lead`` (times and commands of
 the samples before each window), ``t`` (N) [s since the recording's start], ``command`` (N,
 actuator), ``measured`` (N, joint; NaN where missing) and ``noise`` (joint: of the measurements).
 """
@@ -75,6 +76,7 @@ def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[s
     hidden = np.array([[state[name] for name in added] for state in states]).reshape(
         len(stretches), len(added), 2
     )
+    remembered = [{k: x for p in here for k, x in p.remembered(s).items()} for s in stretches]
     model = scene.model
     with io.BytesIO() as stream:
         np.savez_compressed(
@@ -94,6 +96,8 @@ def holdout_npz(holdout: Holdout, hypothesis: Hypothesis, recordings: Sequence[s
             activation=np.stack(
                 [np.where(dynamic(model), begun(model, s), np.nan) for s in stretches]
             ),
+            remembered=np.array(list(remembered[0]), dtype=str),
+            remembered_x=np.array([list(state.values()) for state in remembered]),
             lead_first=_first(stretches, "lead_t"),
             lead_t=np.concatenate([s.lead_t for s in stretches]),
             lead=np.concatenate([s.lead for s in stretches]),

@@ -51,10 +51,11 @@ class ActuatorGain(Tolerated):
     def patch(
         self, spec: mujoco.MjSpec, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
-        """Scale ``gainprm`` and ``biasprm``."""
+        """Scale ``gainprm`` and ``biasprm``; of a ``pid``, that has kp, and ``gainprm`` its ki."""
         settle(spec)
         actuator = spec.actuator(at.name)
-        actuator.gainprm[:3] *= theta[0]
+        if actuator.gaintype != mujoco.mjtGain.mjGAIN_PID:
+            actuator.gainprm[:3] *= theta[0]
         actuator.biasprm[:3] *= theta[0]
 
     def tolerances(self, scene: Scene) -> Mapping[Location, Tolerance]:

@@ -1,0 +1,187 @@
+"""A position drive whose firmware plans a trapezoidal profile of velocity to every command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from wt.physics.effect import LEAST, Parameter, Shape, register
+from wt.physics.hooks import Beyond, Intervals, Nested, OnInputs, Remembering
+from wt.physics.motion import Motion
+from wt.physics.replay import Inputs, Stretch
+from wt.physics.scene import Drive, Scene
+from wt.physics.script import Script, number
+from wt.physics.servos import Goal, profiled, sent, servos
+from wt.physics.units import HINGE, Units
+from wt.types import Location
+
+_STEP_S = 1e-3
+"""Longest step in which a profile is followed along recordings and up to replays [s]."""
+_RISES_S = (0.05, 0.15, 0.4)
+"""Times in which a goal that was taken to have its speed at once may reach it [s]."""
+_SHARES = (0.5, 1.0, 2.0)
+"""Of the acceleration that makes a goal as late as was found, on the mean, those to start from."""
+_BEYOND = 3.0
+"""Times the joint's fastest motion that a speed is no limit."""
+_AT_ONCE_S = 5e-3
+"""A profile that may reach its speed within this time is a limited speed."""
+
+
+@register
+class ActuatorProfile(Nested, Remembering, OnInputs):
+    """|dg/dt| ≤ speed and |d²g/dt²| ≤ acceleration, so that g stops at u; the drive goes to g.
+
+    The goal g is as fast as it can be stopped from: √(2 · acceleration · |u − g|) at most.
+    """
+
+    id = "actuator.profile"
+    kind = "actuator"
+    parameters = (
+        Parameter("speed", "rad/s", LEAST, 1e6, 1e-3),
+        Parameter("acceleration", "rad/s²", LEAST, 1e8, 1e-2),
+    )
+    reference = "L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic Machines and "
+    reference += "Robots, 2008, chapter 3 (trapezoidal profiles)"
+    native = False
+    signed = (1,)
+    excludes = ("actuator.lag", "actuator.slew_rate")
+    looks_like = ("delay",)
+    plotted_over = "velocity"
+
+    def places(self, scene: Scene) -> Sequence[Location]:
+        """Drives that follow a position as it is sent."""
+        return servos(scene)
+
+    def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
+        """None: it is tried where something simpler makes the drive late, see :meth:`beyond`."""
+        return []
+
+    def beyond(
+        self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
+    ) -> Sequence[Beyond]:
+        """A limited speed that takes its time to be reached, or a lag that grows with speed."""
+        drive = motion.scene.drive(at.name)
+        if law == "actuator.slew_rate":
+            tried = [(float(theta[0]), float(theta[0]) / rise) for rise in _RISES_S]
+        elif law in ("actuator.lag", "actuator.delay") and theta[0] > 0.0:
+            v = np.abs(motion.v[:, drive.dof])
+            fastest, usual = float(v.max()), float(np.sqrt(np.mean(v**2)))
+            # at a speed w its goal is behind by w² / (2 · acceleration)
+            mean = usual / (2.0 * float(theta[0]))
+            tried = [(f * fastest, s * mean) for f in (1.0, _BEYOND) for s in _SHARES]
+        else:
+            return []
+        lower, upper = self.bounds()
+        clipped = [np.clip(pair, lower, upper) for pair in tried]
+        return [(tuple(pair.tolist()), pair) for pair in clipped]
+
+    def simpler(
+        self,
+        motion: Motion,
+        at: Location,
+        theta: Float[np.ndarray, " parameter"],
+        intervals: Intervals,
+    ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
+        """A limited speed, where that may be reached at once."""
+        at_once = theta[0] < _AT_ONCE_S * np.max(intervals["acceleration"][1])
+        return ("actuator.slew_rate", theta[:1]) if at_once else None
+
+    def columns(
+        self, motion: Motion, at: Location, shape: Shape
+    ) -> Float[np.ndarray, "sample dof coefficient"]:
+        """Force under the profile minus force under the command as sent."""
+        drive, late = motion.scene.drive(at.name), np.empty(len(motion))
+        for s in motion.segments:
+            u = np.clip(motion.command[s.rows, drive.index], *drive.commands)
+            parts = 2 * max(1, int(np.ceil(0.5 * s.dt / _STEP_S)))
+            goals = _followed(u, s.dt, parts, drive, shape, Goal(float(u[0])))[:, 0]
+            starts = np.concatenate([u[:1], goals[:-1]])
+            halves = (0.5 * (starts + goals)).reshape(-1, parts // 2).mean(axis=1)
+            before = np.concatenate([halves[:1], halves[1:-1:2]])
+            late[s.rows] = 0.5 * (before + halves[::2])
+        change = motion.force(drive, late) - motion.force(drive)
+        return motion.on(drive.dof, change)
+
+    def theta(
+        self, coefficients: Float[np.ndarray, " coefficient"], shape: Shape
+    ) -> Float[np.ndarray, " parameter"]:
+        """The shape, whatever the coefficient: the right one's is 1."""
+        return np.array(shape)
+
+    def drive(
+        self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
+    ) -> None:
+        """Follow the profile from where it has got to."""
+        drive, first = scene.drive(at.name), inputs.before
+        u = np.clip(inputs.u[first:, drive.index], *drive.commands)
+        start = Goal(float(u[0]))
+        if inputs.stretch is not None:
+            start = _begin(inputs.stretch, drive, theta)
+        limits = np.abs(drive.gear) * theta
+        inputs.u[first:, drive.index] = profiled(u, inputs.h, *limits.tolist(), start)[:, 0]
+
+    def remembered(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, float]:
+        """The goal, and its rate."""
+        if stretch.motion is None:
+            return {}
+        begun = _begin(stretch, stretch.motion.scene.drive(at.name), theta)
+        return {f"{at.name} profile": begun.at, f"{at.name} profile's rate": begun.rate}
+
+    def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
+        """Follow the profile, and pull to it instead of the command."""
+        speed, acceleration = map(number, theta)
+        force = (
+            f'more, dof = self._profile("{at.name}", qpos, qvel, ctrl, {speed}, {acceleration}, h)',
+            "f[:, dof] += more",
+        )
+        return Script(force=force, helpers=("profile",))
+
+    def statement(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
+    ) -> str:
+        """See :meth:`Effect.statement`."""
+        return (
+            f"Actuator {at.name} moves its goal towards the command by a profile of at most "
+            f"{theta[0]:.3g} {units.speed} and {theta[1]:.3g} {units.of('rad/s²')}."
+        )
+
+    def separation(self, at: Location, units: Units = HINGE) -> str:
+        """See :meth:`Effect.separation`."""
+        return f"steps of {at.name}, small and large, whose flanks tell a profile from a lag"
+
+
+def _begin(stretch: Stretch, drive: Drive, theta: Float[np.ndarray, " parameter"]) -> Goal:
+    """Where the goal of a drive has got to when a stretch begins."""
+    known = sent(stretch, drive)
+    goal = Goal(float(known.u[0]))
+    for u, dt in ((known.u[:-1], known.dt), (known.u[-1:], known.last)):
+        if len(u) and dt > 0.0:
+            parts = max(1, int(np.ceil(dt / _STEP_S)))
+            goal = Goal(*_followed(u, dt, parts, drive, theta.tolist(), goal)[-1].tolist())
+    return goal
+
+
+def _followed(
+    u: Float[np.ndarray, " sample"],
+    dt: float,
+    parts: int,
+    drive: Drive,
+    limits: Sequence[float],
+    start: Goal,
+) -> Float[np.ndarray, "part 2"]:
+    """Goals and rates at the end of each part of held commands, (n · parts, 2).
+
+    Args:
+        u: commands, (n,).
+        dt: how long each is held [s].
+        parts: into how many steps that is divided.
+        drive: whose command it is.
+        limits: of speed and acceleration, of the joint [rad/s], [rad/s²].
+        start: where the goal begins.
+    """
+    speed, acceleration = (abs(drive.gear) * x for x in limits)
+    return profiled(np.repeat(u, parts), dt / parts, speed, acceleration, start)
