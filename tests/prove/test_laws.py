@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wt.prove.hidden import HiddenLaw, HiddenTrajectory, Parameters, Plant
+from wt.prove.hidden import CommandLaw, HiddenLaw, HiddenTrajectory, Parameters, Plant
 from wt.prove.rigs import RIGS
 from wt.prove.world import LAWS
 
@@ -97,6 +97,48 @@ def test_feedforward_ends_with_the_motion() -> None:
     ahead = law("actuator.feedforward", {"coefficient": 5.0}, "hinge_drive")
     moved = run(pendulum(ahead), lambda t: 0.3 * (t >= 0.2), 1.5, 0.0).fine_q[-1, 0]
     assert moved == pytest.approx(rest(u=0.3), abs=1e-5)
+
+
+def test_integral_action_holds_a_weight_without_an_error_in_the_end() -> None:
+    held = law("actuator.integral", {"ki": 4.0 * KP}, "hinge_drive")
+    assert rest(u=0.3) < 0.28
+    assert run(pendulum(held), 0.3, 4.0, 0.3).fine_q[-1, 0] == pytest.approx(0.3, abs=1e-4)
+
+
+def test_integral_action_takes_over_with_its_time_constant() -> None:
+    """Near a rest without gravity's slope the error falls by exp(−ki/kp · t)."""
+    held = law("actuator.integral", {"ki": 0.5 * KP}, "hinge_drive")
+    plant = pendulum(held)
+    error = 1.2 - run(plant, 1.2, 4.0, 1.2).fine_q[:: round(1.0 / plant.h), 0]
+    slope = KP + MGL * math.cos(1.2)
+    np.testing.assert_allclose(error[2] / error[1], math.exp(-0.5 * KP / slope), rtol=0.02)
+
+
+def test_a_goal_of_limited_speed_takes_as_long_as_the_way_is() -> None:
+    slow = law("actuator.slew_rate", {"speed": 0.5}, "hinge_drive")
+    h = pendulum(slow).h
+    goals = np.array([_sent(slow, 0.3 if k else 0.0) for k in range(1000)])
+    np.testing.assert_allclose(goals[1:200], 0.5 * h * (np.arange(1, 200) - 0.5), atol=1e-12)
+    assert _sent(slow, 0.3) <= 0.3
+
+
+def test_a_profile_is_a_trapezoid_of_velocity() -> None:
+    """From rest to rest over a way l: l/speed + speed/acceleration."""
+    planned = law("actuator.profile", {"speed": 0.8, "acceleration": 4.0}, "hinge_drive")
+    h = pendulum(planned).h
+    goals = np.array([_sent(planned, 0.5 if k else 0.0) for k in range(round(1.5 / h))])
+    there = float(np.flatnonzero(goals < 0.5 - 1e-6)[-1]) * h
+    assert there == pytest.approx(0.5 / 0.8 + 0.8 / 4.0, abs=4.0 * h)
+    assert goals.max() < 0.5 + 1e-5
+    rates = np.diff(goals) / h
+    assert rates.max() == pytest.approx(0.8, rel=1e-6)
+    assert np.abs(np.diff(rates))[1:-1].max() < 1.6 * 4.0 * h
+
+
+def _sent(hidden: HiddenLaw, u: float) -> float:
+    """What a law makes of a command."""
+    assert isinstance(hidden, CommandLaw)
+    return hidden.command(u)
 
 
 def test_armature_slows_small_swings() -> None:

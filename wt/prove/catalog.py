@@ -320,9 +320,22 @@ def _belt(d: Draw) -> Parameters:
     }  # fmt: skip
 
 
+def _integral(d: Draw) -> Parameters:
+    """It takes over from the servo's stiffness within one second, or some."""
+    return {"ki": d.rig.links[d.joint].kp * d.pick(1.5, 0.6, 0.25)}
+
+
+def _profile(d: Draw) -> Parameters:
+    speed = d.of("dash") * d.pick(0.35, 0.55, 0.8)
+    return {"speed": speed, "acceleration": speed / d.u(0.08, 0.4)}
+
+
 LATER: dict[str, Magnitudes] = {
     "actuator.damping": _damping,
     "actuator.feedforward": lambda d: {"coefficient": 1.5 * d.torque / d.of("speed")},
+    "actuator.integral": _integral,
+    "actuator.slew_rate": lambda d: {"speed": d.of("dash") * d.pick(0.35, 0.55, 0.8)},
+    "actuator.profile": _profile,
     "joint.friction_directional": _directed,
     "joint.gear_loss": _geared,
     "pair.spring": _belt,

@@ -93,6 +93,72 @@ class HiddenFeedforward(CommandLaw):
         return u + self._ahead * self._rate
 
 
+class HiddenIntegral(CommandLaw, TorqueLaw):
+    """τ → τ + ki·∫(u − q) dt within the drive's limit; it has begun before the recording does."""
+
+    def bind(self, plant: Plant) -> None:
+        """The drive's limit; nothing is summed up yet."""
+        self._h, self._limit = plant.h, float(plant.limit[plant.index(self.place)])
+        self._goal, self._sum, self._error = 0.0, 0.0, math.nan
+
+    def command(self, u: float) -> float:
+        """What the servo is to reach, which it does reach."""
+        self._goal = u
+        return u
+
+    def torque(self, tau: float, q: float, v: float) -> float:
+        """See the class; by the trapezoidal rule, up to the step's own time."""
+        error = self._goal - q
+        before = error if math.isnan(self._error) else self._error
+        self._sum += 0.5 * self._h * (before + error)
+        self._error = error
+        total = tau + self.number("ki") * self._sum
+        return min(max(total, -self._limit), self._limit)
+
+
+class HiddenSlewRate(CommandLaw):
+    """The servo gets a goal that moves to the command no faster than ``speed``."""
+
+    def bind(self, plant: Plant) -> None:
+        """Way of one step."""
+        self._way, self._goal = plant.h * self.number("speed"), math.nan
+
+    def command(self, u: float) -> float:
+        """The goal in the middle of the step."""
+        begun = u if math.isnan(self._goal) else self._goal
+        self._goal = begun + math.copysign(min(self._way, abs(u - begun)), u - begun)
+        return 0.5 * (begun + self._goal)
+
+
+class HiddenProfile(CommandLaw):
+    """The servo gets a goal that goes to rest at the command in the shortest time.
+
+    It has no more than ``speed`` and ``acceleration`` then: full acceleration on this side of the
+    parabola on which full deceleration leads to the command, and that beyond.
+    """
+
+    def bind(self, plant: Plant) -> None:
+        """Pick up the step."""
+        self._h, self._goal, self._rate = plant.h, math.nan, 0.0
+
+    def command(self, u: float) -> float:
+        """The goal in the middle of the step."""
+        if math.isnan(self._goal):
+            self._goal = u
+        h, most = self._h, self.number("acceleration")
+        left, rate, before = u - self._goal, self._rate, self._goal
+        if abs(rate) <= most * h and abs(left) <= most * h * h:
+            self._goal, self._rate = u, 0.0
+            return 0.5 * (before + u)
+        # where the goal would come to rest if it braked after this step
+        short = left - 0.5 * rate * h - rate * abs(rate) / (2.0 * most)
+        wanted = rate + math.copysign(most * h, short)
+        top = self.number("speed")
+        self._rate = min(max(wanted, -top), top)
+        self._goal += 0.5 * h * (rate + self._rate)
+        return 0.5 * (before + self._goal)
+
+
 class HiddenBias(TorqueLaw):
     """τ → τ + torque."""
 
@@ -234,6 +300,9 @@ LAWS: dict[str, type[HiddenLaw]] = {
     "actuator.gain": HiddenGain,
     "actuator.damping": HiddenDamping,
     "actuator.feedforward": HiddenFeedforward,
+    "actuator.integral": HiddenIntegral,
+    "actuator.slew_rate": HiddenSlewRate,
+    "actuator.profile": HiddenProfile,
     "actuator.bias": HiddenBias,
     "actuator.saturation": HiddenSaturation,
     "actuator.speed_limit": HiddenSpeedLimit,

@@ -55,6 +55,9 @@ _LATER = (
     ("joint.gear_loss", "pendulum_motor"), ("joint.gear_loss", "arm6"),
     ("actuator.damping", "arm6"), ("actuator.damping", "arm3"),
     ("actuator.feedforward", "arm6"), ("actuator.feedforward", "arm3"),
+    ("actuator.integral", "arm6"), ("actuator.integral", "arm3"), ("actuator.integral", "pendulum"),
+    ("actuator.slew_rate", "arm6"), ("actuator.slew_rate", "arm3"),
+    ("actuator.profile", "arm3"), ("actuator.profile", "arm6"),
 )  # fmt: skip
 _PAIRED = (
     ("joint.friction_coulomb", "actuator.gain"), ("joint.friction_viscous", "joint.backlash"),
