@@ -20,10 +20,13 @@ ALIKE = (
         "actuator.damping", "actuator.feedforward", "joint.friction_viscous",
         "joint.friction_quadratic", "joint.friction_stribeck",
     ),
-    ("actuator.delay", "actuator.lag", "sensor.delay"),
+    ("actuator.delay", "actuator.lag", "actuator.profile", "actuator.slew_rate", "sensor.delay"),
     ("actuator.gain", "actuator.deadband", "actuator.fade", "actuator.saturation"),
     ("joint.stiffness", "joint.hysteresis", "actuator.bias"),
-    ("actuator.bias", "actuator.deadband", "actuator.gain", "joint.backlash", "sensor.offset"),
+    (
+        "actuator.bias", "actuator.deadband", "actuator.gain", "actuator.integral",
+        "joint.backlash", "sensor.offset",
+    ),
     ("joint.armature", "body.inertia"),
     ("body.force", "body.tether"),
     ("body.mass", "body.com", "body.payload_fixed", "body.payload_moving"),
@@ -38,6 +41,7 @@ ALWAYS = {
 OFTEN = {
     "actuator.damping",
     "actuator.feedforward",
+    "actuator.integral",
     "joint.friction_quadratic",
     "body.payload_fixed",
     "body.mass",
@@ -46,7 +50,7 @@ OFTEN = {
 OVER = {
     "velocity": {
         "actuator.damping", "actuator.delay", "actuator.feedforward", "actuator.lag",
-        "actuator.speed_limit",
+        "actuator.profile", "actuator.slew_rate", "actuator.speed_limit",
         "body.drag", "contact.friction",
         "joint.friction_coulomb", "joint.friction_directional", "joint.friction_load",
         "joint.friction_quadratic",
@@ -58,7 +62,7 @@ OVER = {
         "joint.elasticity", "joint.gear_loss", "pair.crosstalk",
     },
     "time": {
-        "actuator.fade", "body.force_intermittent", "body.payload_moving",
+        "actuator.fade", "actuator.integral", "body.force_intermittent", "body.payload_moving",
         "joint.force_intermittent",
     },
 }  # fmt: skip

@@ -22,7 +22,9 @@ from wt.physics.scene import Drive, Scene
 from wt.types import Location
 
 _RIDGE = 1e-4
-"""Of the squares of what may act beside an integral: without it a pose says as much as a force."""
+"""Of the squares of what may act beside an integral: one that never acts is as good as none."""
+_LOOSE_S = 0.3
+"""Begin and end of a segment, where a smooth curve says little of forces [s]."""
 _STOPPED = 0.1
 """Share of a joint's usual speed below which dry friction has no clear sign."""
 _EXACT = 1e-6
@@ -193,35 +195,25 @@ def _integrals(motion: Motion, actuator: str) -> _Integrals:
     error = np.zeros(len(motion))
     target = np.clip(motion.command[:, drive.index], *drive.commands) / drive.gear
     q, v = motion.q[:, drive.dof], motion.v[:, drive.dof]
-    constant = np.zeros((len(motion), len(motion.segments)))
+    constant, clear = np.zeros((len(motion), len(motion.segments))), np.ones(len(motion))
     for i, s in enumerate(motion.segments):
         mean = 0.5 * (q[s.rows][1:] + q[s.rows][:-1])
         error[s.rows][1:] = np.cumsum(target[s.rows][:-1] - mean) * s.dt
         constant[s.rows, i] = 1.0
-    # as much of this as acts, too, is no constant: friction, another gain, another weight
+        loose = min(round(_LOOSE_S / s.dt), (s.rows.stop - s.rows.start) // 10)
+        clear[s.rows.start : s.rows.start + loose] = 0.0
+        clear[s.rows.stop - loose : s.rows.stop] = 0.0
+    # as much of friction as acts, too, is no constant
     usual = float(np.sqrt(np.mean(v**2))) + 1e-12
-    demand = motion.demand[:, drive.dof]
-    beside = np.stack([np.tanh(v / (_STOPPED * usual)), v / usual, demand], axis=1)
-    beside[:, 2] /= np.abs(demand).max() + 1e-12
-    both = np.stack([error, motion.unexplained[:, drive.dof]], axis=1)
-    known, _ = _fitted(constant, beside, both)
-    _, (alone, force) = _fitted(constant, beside[:, :2], both)
-    gain = float(alone @ force / (alone @ alone + 1e-300))
-    return _Integrals(error, *known.T, gain)
-
-
-def _fitted(
-    constant: Float[np.ndarray, "sample segment"],
-    beside: Float[np.ndarray, "sample _"],
-    signals: Float[np.ndarray, "sample signal"],
-) -> tuple[Float[np.ndarray, "segment signal"], Float[np.ndarray, "signal sample"]]:
-    """Constants of signals in each segment by least squares, and what is left of the signals."""
-    columns = np.hstack([constant, beside])
+    beside = np.stack([np.tanh(v / (_STOPPED * usual)), v / usual], axis=1)
+    both = np.stack([error, motion.unexplained[:, drive.dof]], axis=1) * clear[:, None]
+    columns = np.hstack([constant, beside]) * clear[:, None]
     gram = columns.T @ columns
-    own = np.arange(constant.shape[1], len(gram))
-    gram[own, own] += _RIDGE * len(signals)
-    found = np.linalg.solve(gram, columns.T @ signals)
-    return found[: constant.shape[1]], (signals - columns @ found).T
+    gram[-2:, -2:] += _RIDGE * len(motion) * np.eye(2)
+    found = np.linalg.solve(gram, columns.T @ both)
+    alone, force = (both - columns @ found).T
+    gain = float(alone @ force / (alone @ alone + 1e-300))
+    return _Integrals(error, *found[:-2].T, gain)
 
 
 def gain(motion: Motion, actuator: str) -> float:
