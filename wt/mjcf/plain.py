@@ -175,7 +175,7 @@ def _remind(
     known.clear()
     for k, name in enumerate(map(str, stored.get("remembered", ()))):
         x, (actuator, _, what) = float(stored["remembered_x"][window, k]), name.rpartition(" ")
-        known[name] = x
+        known[name] = np.array(x)
         if what not in ("goal", "integral"):
             continue
         i = model.actuator(actuator).id

@@ -31,15 +31,12 @@ class Physics:
         joints = map(model.joint, range(model.njnt))
         self._joints = {j.name: (int(j.qposadr[0]), int(j.dofadr[0])) for j in joints}
         self._actuators = {model.actuator(i).name: i for i in range(model.nactuator)}
-        limited = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_PID) & (model.actuator_dynprm[:, 1] > 0)
-        single = (model.actuator_actnum == 1) & (model.actuator_dyntype != mujoco.mjtDyn.mjDYN_PID)
-        self._acting = single | limited  # their first activation is what the command has become
-        late = (model.actuator_history[:, 0] > 0) | self._acting
-        self._late = np.flatnonzero(late & (model.actuator_ctrlnum == 1))
-        self.begin: dict[str, float] = {}  # hidden states to begin with, by name, where known
+        pid, late = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_PID, model.actuator_delay > 0.0
+        self._acting = np.where(pid, model.actuator_dynprm[:, 1] > 0.0, model.actuator_actnum == 1)
+        self._late = np.flatnonzero((late | self._acting) & (model.actuator_ctrlnum == 1))
+        self.begin: dict[str, Array] = {}  # hidden states to begin with, by name, where known
         self._t: Array | None = None
-        self._now: dict[str, Array] = {}
-        self._next: dict[str, Array] = {}
+        self._now, self._next = dict[str, Array](), dict[str, Array]()
         self._before: Callable[..., None] | None = None
         self._attached = False
         # <init>
@@ -51,15 +48,14 @@ class Physics:
 
         Joints that the patch added are put in balance with data.qpos and data.qvel.
         """
-        m, self._t = self.model, None
-        filters = mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT
+        m, self._t, dyn = self.model, None, mujoco.mjtDyn
+        slow = dyn.mjDYN_FILTER, dyn.mjDYN_FILTEREXACT, dyn.mjDYN_PID
         for i in np.flatnonzero(m.actuator_ctrlnum == 1):
             u, late = data.ctrl[m.actuator_ctrladr[i]], int(m.actuator_history[i, 0])
             if late:
                 times = data.time - m.opt.timestep * np.arange(late, 0.0, -1.0)
                 mujoco.mj_initCtrlHistory(m, data, i, times[:, None], np.full((late, 1), u))
-            pid = int(m.actuator_dyntype[i]) == mujoco.mjtDyn.mjDYN_PID
-            if int(m.actuator_dyntype[i]) in filters or (pid and self._acting[i]):
+            if int(m.actuator_dyntype[i]) in slow and self._acting[i]:
                 data.act[m.actuator_actadr[i]] = u
         # <start>
 
@@ -129,7 +125,7 @@ class Physics:
     def _move(self, t: Array, h: float) -> None:
         """Hidden states as they are at t."""
         if self._t is None or len(self._t) != len(t):
-            self._t, self._now, self._next = t, {}, {}
+            self._t, self._now, self._next = t, dict(self.begin), {}
         moved = t > self._t + 0.75 * h  # not inside a step of Runge and Kutta's
         self._again = t < self._t
         for name, state in self._next.items():
@@ -137,8 +133,7 @@ class Physics:
         self._t = np.where(moved | self._again, t, self._t)
 
     def _state(self, name: str, begin: Array) -> Array:
-        """A hidden state now; ``begin`` where a simulation begins, if nothing else is known."""
-        begin = np.broadcast_to(self.begin.get(name, begin), np.shape(begin))
+        """A hidden state now; ``begin`` where a simulation begins, if nothing is known."""
         self._now[name] = np.where(self._again, begin, self._now.get(name, begin))
         return self._now[name]
 
