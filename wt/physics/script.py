@@ -28,8 +28,7 @@ from typing import Literal
 WIDTH = 88
 """Of a line, which is indented by two levels more in the file."""
 Helper = Literal[
-    "joint", "drive", "drives", "bristle", "push", "residual", "creep", "swing", "gear",
-    "profile"
+    "joint", "drive", "drives", "bristle", "push", "residual", "creep", "swing", "gear", "profile"
 ]
 
 

@@ -1,8 +1,8 @@
 """What the firmware of a position servo remembers: where its goal has got to, and its integral.
 
 Both follow from what was sent and measured since a recording began, so that a replay that begins in
-the middle of one begins with them. A goal is taken to begin at the first command; an integral begins
-with what the forces on the joint say, see :func:`integral`.
+the middle of one begins with them. A goal is taken to begin at the first command; an integral with
+what the forces on the joint say, see :func:`integral`.
 """
 
 from __future__ import annotations
@@ -213,7 +213,7 @@ def _integrals(motion: Motion, actuator: str) -> _Integrals:
     found = np.linalg.solve(gram, columns.T @ both)
     alone, force = (both - columns @ found).T
     gain = float(alone @ force / (alone @ alone + 1e-300))
-    return _Integrals(error, *found[:-2].T, gain)
+    return _Integrals(error, found[:-2, 0], found[:-2, 1], gain)
 
 
 def gain(motion: Motion, actuator: str) -> float:
@@ -233,8 +233,8 @@ def integral(motion: Motion, actuator: str, ki: float) -> Float[np.ndarray, " sa
     """Integral of a drive's position error along a motion, (T,) [rad·s].
 
     A servo has been on for some time when a recording begins, or for none: what the drive lacks on
-    the mean of a segment says how long. It is little that another force adds to it: a replay forgets
-    it within kp / ki.
+    the mean of a segment says how long. What another force adds to that a replay forgets within
+    kp / ki.
 
     Args:
         motion: the recordings.

@@ -8,10 +8,11 @@ same figures, and ``wt verify`` does.
 last are joints of the patch), ``recordings`` (names) and ``recording`` (W), ``first`` (first sample
 of each window), ``q0``, ``v0`` (W, joint: the smoothed measurements at that sample), ``added_q``,
 ``added_v`` (W, added), ``activation`` (W, actuator: what drives of the given model that have
-dynamics act on there, else NaN), ``remembered`` (names), ``remembered_x`` (W, remembered: states that
-come of all that was before, by :meth:`Remembering.remembered`), ``lead_first`` (W), ``lead_t``, ``lead`` (times and commands of
-the samples before each window), ``t`` (N) [s since the recording's start], ``command`` (N,
-actuator), ``measured`` (N, joint; NaN where missing) and ``noise`` (joint: of the measurements).
+dynamics act on there, else NaN), ``remembered`` (names), ``remembered_x`` (W, remembered: states
+that come of all that was before, see :class:`wt.physics.hooks.Remembering`), ``lead_first`` (W),
+``lead_t``, ``lead`` (times and commands of the samples before each window), ``t`` (N) [s since the
+recording's start], ``command`` (N, actuator), ``measured`` (N, joint; NaN where missing) and
+``noise`` (joint: of the measurements).
 """
 
 from __future__ import annotations

@@ -119,8 +119,9 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         start = Goal(float(u[0]))
         if inputs.stretch is not None:
             start = _begin(inputs.stretch, drive, theta)
-        limits = np.abs(drive.gear) * theta
-        inputs.u[first:, drive.index] = profiled(u, inputs.h, *limits.tolist(), start)[:, 0]
+        speed, acceleration = (np.abs(drive.gear) * theta).tolist()
+        followed = profiled(u, inputs.h, speed, acceleration, start)
+        inputs.u[first:, drive.index] = followed[:, 0]
 
     def remembered(
         self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
