@@ -8,7 +8,7 @@ what the forces on the joint say, see :func:`integral`.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import mujoco
@@ -76,7 +76,7 @@ class Goal(NamedTuple):
 
 
 def slewed(
-    u: Sequence[float], h: float, speed: float, start: float
+    u: Float[np.ndarray, " interval"], h: float, speed: float, start: float
 ) -> Float[np.ndarray, " interval"]:
     """A goal at the end of each interval of a held command, (n,), as MuJoCo's ``slewmax`` has it.
 
@@ -86,63 +86,59 @@ def slewed(
         speed: most that the goal moves by, in the command's unit per second.
         start: where it begins.
     """
-    most, goal, goals = speed * h, start, []
-    for wanted in u:
-        left = wanted - goal
-        goal = wanted if -most <= left <= most else goal + (most if left > 0.0 else -most)
-        goals.append(goal)
-    return np.array(goals)
+    goals: np.ndarray = _compiled(_slewed)(np.ascontiguousarray(u, dtype=float), speed * h, start)
+    return goals
 
 
-def profile(
-    u: Float[np.ndarray, " interval"],
-    h: float,
-    speed: float,
-    acceleration: float,
-    at: float,
-    rate: float,
-) -> Float[np.ndarray, " interval 2"]:
+def _slewed(u: np.ndarray, most: float, goal: float) -> np.ndarray:
+    goals = np.empty(len(u))
+    for k in range(len(u)):
+        goal += min(max(u[k] - goal, -most), most)
+        goals[k] = goal
+    return goals
+
+
+def profiled(
+    u: Float[np.ndarray, " interval"], h: float, speed: float, acceleration: float, start: Goal
+) -> Float[np.ndarray, "interval 2"]:
     """A goal that stops at the command, and its rate, at the end of each interval, (n, 2).
 
     It is as fast as it can be stopped from by then, in steps: over n of them it goes
-    acceleration · h² · n (n + 1) / 2. The Python that Numba compiles.
+    acceleration · h² · n (n + 1) / 2.
 
     Args:
         u: commands, (n,).
         h: length of an interval [s].
         speed: most that the goal moves by, in the command's unit per second.
         acceleration: most that this changes by, in that per second.
-        at: where the goal begins.
-        rate: how fast it begins.
+        start: where it begins.
     """
-    path = np.empty((len(u), 2))
-    most = acceleration * h
+    sent = np.ascontiguousarray(u, dtype=float)
+    path: np.ndarray = _compiled(_profiled)(sent, h, speed, acceleration, start.at, start.rate)
+    return path
+
+
+def _profiled(
+    u: np.ndarray, h: float, speed: float, acceleration: float, at: float, rate: float
+) -> np.ndarray:
+    path, most = np.empty((len(u), 2)), acceleration * h
     for k in range(len(u)):
         left = u[k] - at
         fast = np.sqrt(0.25 * most * most + 2.0 * acceleration * abs(left)) - 0.5 * most
         fast = min(fast, speed, abs(left) / h)
-        wanted = fast if left > 0.0 else -fast
-        rate += min(max(wanted - rate, -most), most)
+        rate += min(max((fast if left > 0.0 else -fast) - rate, -most), most)
         at += rate * h
         path[k, 0], path[k, 1] = at, rate
     return path
 
 
 @functools.cache
-def _profile() -> object:
+def _compiled(function: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+    """A function in machine code."""
     from wt.physics.compiled import fast  # takes a second to import
 
-    return fast(profile)
-
-
-def profiled(
-    u: Float[np.ndarray, " interval"], h: float, speed: float, acceleration: float, start: Goal
-) -> Float[np.ndarray, " interval 2"]:
-    """:func:`profile`, compiled."""
-    path: np.ndarray = _profile()(  # type: ignore[operator]
-        np.ascontiguousarray(u, dtype=float), h, speed, acceleration, start.at, start.rate
-    )
-    return path
+    made: Callable[..., np.ndarray] = fast(function)
+    return made
 
 
 class Sent(NamedTuple):

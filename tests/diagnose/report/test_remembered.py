@@ -44,7 +44,8 @@ class Firmware:
 FOUND = tuple(
     Planted(effects()[f"actuator.{name}"], Location("actuator", at), np.array(theta))
     for name, at, theta in (
-        ("profile", "a1", [SPEED, ACCELERATION]), ("integral", "a2", [KI]), ("slew_rate", "a3", [SLEW])
+        ("profile", "a1", [SPEED, ACCELERATION]), ("integral", "a2", [KI]),
+        ("slew_rate", "a3", [SLEW]),
     )
 )  # fmt: skip
 

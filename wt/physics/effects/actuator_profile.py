@@ -19,12 +19,14 @@ from wt.types import Location
 
 _STEP_S = 1e-3
 """Longest step in which a profile is followed along recordings and up to replays [s]."""
-_RISES_S = (0.05, 0.15, 0.4)
-"""Times in which a goal that was taken to have its speed at once may reach it [s]."""
-_SHARES = (0.5, 1.0, 2.0)
-"""Of the acceleration that makes a goal as late as was found, on the mean, those to start from."""
-_BEYOND = 3.0
-"""Times the joint's fastest motion that a speed is no limit."""
+_RISES_S = (0.05, 0.12, 0.3, 0.8)
+"""Times in which a goal may come to be as fast as the joint ever was [s]."""
+_SHARE = 0.9
+"""Of a joint's fastest motion that is tried as its goal's: a servo overshoots a little."""
+_ENDLESS = 1e6
+"""A speed that is no limit [rad/s]."""
+_FASTEST = 0.999
+"""Quantile of a joint's speeds that is its fastest: above are blows and noise."""
 _AT_ONCE_S = 5e-3
 """A profile that may reach its speed within this time is a limited speed."""
 
@@ -39,7 +41,7 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
     id = "actuator.profile"
     kind = "actuator"
     parameters = (
-        Parameter("speed", "rad/s", LEAST, 1e6, 1e-3),
+        Parameter("speed", "rad/s", LEAST, _ENDLESS, 1e-3),
         Parameter("acceleration", "rad/s²", LEAST, 1e8, 1e-2),
     )
     reference = "L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic Machines and "
@@ -55,27 +57,22 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         return servos(scene)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """None: it is tried where something simpler makes the drive late, see :meth:`beyond`."""
-        return []
+        """Accelerations to the joint's fastest motion, with that as a limit or without any."""
+        v = np.abs(motion.v[:, motion.scene.drive(at.name).dof])
+        fastest = float(np.quantile(v, _FASTEST))
+        if fastest == 0.0:
+            return []
+        speeds = (_SHARE * fastest, _ENDLESS)
+        return [(speed, fastest / rise) for speed in speeds for rise in _RISES_S]
 
     def beyond(
         self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
     ) -> Sequence[Beyond]:
-        """A limited speed that takes its time to be reached, or a lag that grows with speed."""
-        drive = motion.scene.drive(at.name)
-        if law == "actuator.slew_rate":
-            tried = [(float(theta[0]), float(theta[0]) / rise) for rise in _RISES_S]
-        elif law in ("actuator.lag", "actuator.delay") and theta[0] > 0.0:
-            v = np.abs(motion.v[:, drive.dof])
-            fastest, usual = float(v.max()), float(np.sqrt(np.mean(v**2)))
-            # at a speed w its goal is behind by w² / (2 · acceleration)
-            mean = usual / (2.0 * float(theta[0]))
-            tried = [(f * fastest, s * mean) for f in (1.0, _BEYOND) for s in _SHARES]
-        else:
+        """A limited speed that takes its time to be reached."""
+        if law != "actuator.slew_rate":
             return []
-        lower, upper = self.bounds()
-        clipped = [np.clip(pair, lower, upper) for pair in tried]
-        return [(tuple(pair.tolist()), pair) for pair in clipped]
+        speed = float(theta[0])
+        return [((speed, speed / rise), np.array([speed, speed / rise])) for rise in _RISES_S]
 
     def simpler(
         self,
@@ -145,9 +142,12 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
     ) -> str:
         """See :meth:`Effect.statement`."""
+        limits = f"{theta[1]:.3g} {units.of('rad/s²')}"
+        if theta[0] < 0.5 * _ENDLESS:
+            limits = f"{theta[0]:.3g} {units.speed} and {limits}"
         return (
             f"Actuator {at.name} moves its goal towards the command by a profile of at most "
-            f"{theta[0]:.3g} {units.speed} and {theta[1]:.3g} {units.of('rad/s²')}."
+            f"{limits}."
         )
 
     def separation(self, at: Location, units: Units = HINGE) -> str:

@@ -17,7 +17,7 @@ from wt.physics.servos import as_pid, sent, servos, slewed
 from wt.physics.units import HINGE, Units, units_at
 from wt.types import Location
 
-_TRIED = (0.4, 0.6, 0.75, 0.85, 0.95, 1.05)
+_TRIED = (0.5, 0.75, 0.9, 1.0)
 """Shares of a joint's fastest motion that are tried as its goal's: a servo overshoots a little."""
 _FASTEST = 0.999
 """Quantile of a joint's speeds that is its fastest: above are blows and noise."""
@@ -83,7 +83,7 @@ class ActuatorSlewRate(Remembering, OnInputs):
         speed, start = theta[0] * abs(drive.gear), float(u[first])
         if inputs.stretch is not None:
             start = _begin(inputs.stretch, drive, speed)
-        inputs.u[first:, drive.index] = slewed(u[first:].tolist(), inputs.h, speed, start)
+        inputs.u[first:, drive.index] = slewed(u[first:], inputs.h, speed, start)
 
     def remembered(
         self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
@@ -124,7 +124,7 @@ def _begin(stretch: Stretch, drive: Drive, speed: float) -> float:
     known = sent(stretch, drive)
     goal = float(known.u[0])
     for u, dt in ((known.u[:-1], known.dt), (known.u[-1:], known.last)):
-        goal = float(slewed(u.tolist(), dt, speed, goal)[-1]) if len(u) else goal
+        goal = float(slewed(u, dt, speed, goal)[-1]) if len(u) else goal
     return goal
 
 
@@ -140,7 +140,7 @@ def _mean_around(
 ) -> Float[np.ndarray, " sample"]:
     """Mean of a goal over the interval centred on each sample of a held command, (n,)."""
     half, halves = 0.5 * dt, np.repeat(u, 2)
-    ends = slewed(halves.tolist(), half, speed, float(u[0]))
+    ends = slewed(halves, half, speed, float(u[0]))
     starts = np.concatenate([u[:1], ends[:-1]])
     # it waits at the command once it is there
     left = np.abs(halves - starts)
