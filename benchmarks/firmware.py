@@ -115,8 +115,8 @@ CASES = {
     ),
     "feed-forward": Case(("actuator.feedforward",) * 2, lambda: Servo(forward=2.0)),
     "interpolation": Case(("actuator.delay",), lambda: Servo(interpolates=True)),
-    "integrator": Case((), lambda: Servo(ki=60.0)),
-    "profile": Case((), lambda: Servo(speed=1.5, acceleration=8.0)),
+    "integrator": Case(("actuator.integral",) * 2, lambda: Servo(ki=60.0)),
+    "profile": Case(("actuator.profile",) * 2, lambda: Servo(speed=1.5, acceleration=8.0)),
 }
 
 

@@ -84,7 +84,8 @@ def simplified(
         if simple_enough:
             # the law is no rival of itself; the larger one may still be it
             others = (r for r in accepted[i].rivals if r.key not in (law.key, present.key))
-            instead = () if said else (_accepted(law, objective, (present, *others)),)
+            larger = (present,) if present.key != law.key else ()
+            instead = () if said else (_accepted(law, objective, (*larger, *others)),)
             accepted, now = (*accepted[:i], *instead, *accepted[i + 1 :]), again
     if now is not estimated.assessed:
         estimated = estimate(objective, now.hypothesis)

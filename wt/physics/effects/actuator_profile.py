@@ -27,6 +27,8 @@ _ENDLESS = 1e6
 """A speed that is no limit [rad/s]."""
 _FASTEST = 0.999
 """Quantile of a joint's speeds that is its fastest: above are blows and noise."""
+_REACHED = 0.98
+"""Share of a limit of its speed beyond which a goal has come to that, as far as anybody can tell."""
 _AT_ONCE_S = 5e-3
 """A profile that may reach its speed within this time is a limited speed."""
 
@@ -81,9 +83,12 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         theta: Float[np.ndarray, " parameter"],
         intervals: Intervals,
     ) -> tuple[str, Float[np.ndarray, " smaller"]] | None:
-        """A limited speed, where that may be reached at once."""
-        at_once = theta[0] < _AT_ONCE_S * np.max(intervals["acceleration"][1])
-        return ("actuator.slew_rate", theta[:1]) if at_once else None
+        """A limited speed that is reached at once; an acceleration, where that speed never is."""
+        if theta[0] < _AT_ONCE_S * np.max(intervals["acceleration"][1]):
+            return "actuator.slew_rate", theta[:1]
+        if _REACHED * _fastest(motion, at, float(theta[1])) < theta[0] < _ENDLESS:
+            return self.id, np.array([_ENDLESS, theta[1]])
+        return None
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -153,6 +158,17 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"steps of {at.name}, small and large, whose flanks tell a profile from a lag"
+
+
+def _fastest(motion: Motion, at: Location, acceleration: float) -> float:
+    """Fastest that a goal without a limit of its speed moves, of the joint [rad/s]."""
+    drive, fastest = motion.scene.drive(at.name), 0.0
+    for s in motion.segments:
+        u = np.clip(motion.command[s.rows, drive.index], *drive.commands)
+        parts, limits = max(1, int(np.ceil(s.dt / _STEP_S))), (_ENDLESS, acceleration)
+        rates = _followed(u, s.dt, parts, drive, limits, Goal(float(u[0])))[:, 1]
+        fastest = max(fastest, float(np.abs(rates).max()))
+    return fastest / abs(drive.gear)
 
 
 def _begin(stretch: Stretch, drive: Drive, theta: Float[np.ndarray, " parameter"]) -> Goal:
