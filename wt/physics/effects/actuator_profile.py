@@ -21,8 +21,8 @@ _STEP_S = 1e-3
 """Longest step in which a profile is followed along recordings and up to replays [s]."""
 _RISES_S = (0.05, 0.12, 0.3, 0.8)
 """Times in which a goal may come to be as fast as the joint ever was [s]."""
-_SHARE = 0.9
-"""Of a joint's fastest motion that is tried as its goal's: a servo overshoots a little."""
+_SHARES = (0.8, 1.1)
+"""Of a joint's fastest motion that are tried as its goal's: a servo overshoots a little."""
 _ENDLESS = 1e6
 """A speed that is no limit [rad/s]."""
 _FASTEST = 0.999
@@ -59,13 +59,15 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         return servos(scene)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
-        """Accelerations to the joint's fastest motion, with that as a limit or without any."""
+        """Speeds around the joint's fastest, and accelerations to that.
+
+        None without a limit of speed: from there no small step leads back to one.
+        """
         v = np.abs(motion.v[:, motion.scene.drive(at.name).dof])
         fastest = float(np.quantile(v, _FASTEST))
         if fastest == 0.0:
             return []
-        speeds = (_SHARE * fastest, _ENDLESS)
-        return [(speed, fastest / rise) for speed in speeds for rise in _RISES_S]
+        return [(s * fastest, fastest / rise) for s in _SHARES for rise in _RISES_S]
 
     def beyond(
         self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
