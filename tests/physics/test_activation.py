@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from wt.diagnose.pipeline import diagnose
-from wt.physics.activation import activated
+from wt.physics.activation import activated, following
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.physics.replay import Stretch
@@ -119,3 +119,12 @@ def test_late_commands_of_before_arrive_in_a_replay(tmp_path: Path) -> None:
     replayed = Replayer(Scene(path), [begun, led], STEP).run([(late,)]).q[0][:, 0]
     errors = [np.abs(x - q[first:]).max() for x in np.split(replayed, 2)]
     assert errors[1] < 0.2 * errors[0]
+
+
+def test_what_becomes_of_a_command_is_an_activation_but_no_integral() -> None:
+    drives = """<position joint="j" kp="5"/><position joint="j" kp="5" timeconst=".1"/>
+    <pid joint="j" kp="5" ki="3" input="pos"/><pid joint="j" kp="5" slewmax="2" input="pos"/>
+    <pid joint="j" kp="5" ki="3" slewmax="2" input="pos"/>"""
+    xml = f"""<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1"/></body>
+    </worldbody><actuator>{drives}</actuator></mujoco>"""
+    assert following(mujoco.MjModel.from_xml_string(xml)).tolist() == [1, 3, 4]

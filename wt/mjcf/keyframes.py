@@ -10,11 +10,16 @@ from collections.abc import Mapping
 
 import mujoco
 
+from wt.physics.activation import following
 from wt.physics.hooks import Stateful
 from wt.physics.planted import Hypothesis
 from wt.physics.scene import Scene
 
-_FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+_FOLLOWING = (
+    int(mujoco.mjtDyn.mjDYN_FILTER),
+    int(mujoco.mjtDyn.mjDYN_FILTEREXACT),
+    int(mujoco.mjtDyn.mjDYN_PID),
+)
 _POSITIONS = {int(mujoco.mjtJoint.mjJNT_FREE): (7, 6), int(mujoco.mjtJoint.mjJNT_BALL): (4, 3)}
 
 
@@ -50,6 +55,7 @@ def _copy(given: mujoco.MjModel, patched: mujoco.MjModel, data: mujoco.MjData, k
         there_q, there_v = patched.joint(name).qposadr[0], patched.joint(name).dofadr[0]
         data.qpos[there_q : there_q + nq] = given.key_qpos[key, q : q + nq]
         data.qvel[there_v : there_v + nv] = given.key_qvel[key, v : v + nv]
+    slow = following(patched).tolist()
     for i in range(patched.nactuator):
         start, count = patched.actuator_actadr[i], patched.actuator_actnum[i]
         names = [given.actuator(k).name for k in range(given.nactuator)]
@@ -57,14 +63,8 @@ def _copy(given: mujoco.MjModel, patched: mujoco.MjModel, data: mujoco.MjData, k
         if k >= 0 and given.actuator_actnum[k] == count and count:
             before = given.actuator_actadr[k]
             data.act[start : start + count] = given.key_act[key, before : before + count]
-        elif int(patched.actuator_dyntype[i]) in _FILTERS or _limits_goal(patched, i):
+        elif int(patched.actuator_dyntype[i]) in _FOLLOWING and i in slow:
             data.act[start] = data.ctrl[patched.actuator_ctrladr[i]]
-
-
-def _limits_goal(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether the first activation of an actuator is a goal that follows its command."""
-    pid = int(model.actuator_dyntype[actuator]) == mujoco.mjtDyn.mjDYN_PID
-    return pid and bool(model.actuator_dynprm[actuator, 1] > 0.0)
 
 
 def _joints(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, tuple[float, float]]:

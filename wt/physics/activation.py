@@ -74,3 +74,13 @@ def late(model: mujoco.MjModel) -> Int[np.ndarray, " late"]:
 def integrating(model: mujoco.MjModel) -> Int[np.ndarray, " integrator"]:
     """Indices of the actuators whose command is the rate of what they act on."""
     return np.flatnonzero(model.actuator_dyntype == _INTEGRATOR)
+
+
+def following(model: mujoco.MjModel) -> Int[np.ndarray, " actuator"]:
+    """Indices of the actuators whose first activation is what has become of their command.
+
+    An integral of the error is not: it is the only activation of a ``pid`` without ``slewmax``.
+    """
+    pid = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_PID
+    limited = pid & (model.actuator_dynprm[:, 1] > 0.0)
+    return np.flatnonzero(limited | (~pid & (model.actuator_actnum == 1)))

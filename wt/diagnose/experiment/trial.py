@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
-from wt.physics.activation import integrating
+from wt.physics.activation import following, integrating
 from wt.physics.scene import Drive, Scene
 from wt.types import Recording
 
@@ -190,9 +190,8 @@ def _charge(
     model: mujoco.MjModel, data: mujoco.MjData, ctrl: Float[np.ndarray, " actuator"]
 ) -> None:
     """Let filters and integrators of actuators start with what they are to act on."""
-    for i in range(model.nactuator):
-        if model.actuator_actnum[i] == 1:
-            data.act[model.actuator_actadr[i]] = ctrl[i]
+    for i in following(model):
+        data.act[model.actuator_actadr[i]] = ctrl[i]
 
 
 def _touching(model: mujoco.MjModel, data: mujoco.MjData) -> set[tuple[int, int]]:

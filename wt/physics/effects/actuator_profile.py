@@ -28,7 +28,7 @@ _ENDLESS = 1e6
 _FASTEST = 0.999
 """Quantile of a joint's speeds that is its fastest: above are blows and noise."""
 _REACHED = 0.98
-"""Share of a limit of its speed beyond which a goal has come to that, as far as anybody can tell."""
+"""Share of a limit of speed from which a goal has come to it, as far as anybody can tell."""
 _AT_ONCE_S = 5e-3
 """A profile that may reach its speed within this time is a limited speed."""
 
