@@ -88,7 +88,7 @@ def _motions(effect: str, rng: np.random.Generator) -> tuple[str, str, str]:
     first, second = MOTIONS.get(effect, _two(rng))
     others = [motion for motion in ALL_MOTIONS if motion not in (first, second)]
     holdout = str(rng.choice(others + ["mixture"] * 3))
-    if effect in ("actuator.saturation", "actuator.speed_limit"):
+    if effect in ("actuator.saturation", "actuator.slew_rate", "actuator.speed_limit"):
         holdout = "jumps"
     return first, second, holdout
 
