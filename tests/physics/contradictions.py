@@ -35,17 +35,7 @@ def _force(motion: Motion) -> Array:
     return np.abs(motion.force(motion.scene.drive(DRIVE.name)))
 
 
-def _rate(motion: Motion) -> float:
-    """Fastest that the command moves."""
-    u = motion.command[:, motion.scene.drive(DRIVE.name).index]
-    return float(np.abs(np.diff(u)).max()) / motion.dt
-
-
 CONTRADICTIONS: Mapping[str, Contradiction] = {
-    # a goal that may always be where the command is
-    "actuator.slew_rate": Contradiction(
-        DRIVE, lambda m: [1.1 * _rate(m)], lambda m: [0.9 * _rate(m)]
-    ),
     # hardly moved compared with how far its rest is away, a spring is a constant force
     "joint.stiffness": Contradiction(
         JOINT,

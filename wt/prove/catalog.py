@@ -326,8 +326,9 @@ def _integral(d: Draw) -> Parameters:
 
 
 def _profile(d: Draw) -> Parameters:
-    speed = d.of("dash") * d.pick(0.35, 0.55, 0.8)
-    return {"speed": speed, "acceleration": speed / d.u(0.08, 0.4)}
+    """A speed that the goal comes to on an ordinary way: else there is none to be told."""
+    speed = d.of("dash") * d.pick(0.25, 0.4, 0.55)
+    return {"speed": speed, "acceleration": speed / d.u(0.05, 0.15)}
 
 
 LATER: dict[str, Magnitudes] = {

@@ -23,7 +23,7 @@ _RISES_S = (0.05, 0.12, 0.3, 0.8)
 """Times in which a goal may come to be as fast as the joint ever was [s]."""
 _SHARES = (0.8, 1.1)
 """Of a joint's fastest motion that are tried as its goal's: a servo overshoots a little."""
-_ENDLESS = 1e6
+_ENDLESS = 1e5
 """A speed that is no limit [rad/s]."""
 _FASTEST = 0.999
 """Quantile of a joint's speeds that is its fastest: above are blows and noise."""
@@ -43,7 +43,7 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
     id = "actuator.profile"
     kind = "actuator"
     parameters = (
-        Parameter("speed", "rad/s", LEAST, _ENDLESS, 1e-3),
+        Parameter("speed", "rad/s", LEAST, 1e6, 1e-3),
         Parameter("acceleration", "rad/s²", LEAST, 1e8, 1e-2),
     )
     reference = "L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic Machines and "
@@ -88,7 +88,7 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         """A limited speed that is reached at once; an acceleration, where that speed never is."""
         if theta[0] < _AT_ONCE_S * np.max(intervals["acceleration"][1]):
             return "actuator.slew_rate", theta[:1]
-        if _REACHED * _fastest(motion, at, float(theta[1])) < theta[0] < _ENDLESS:
+        if _REACHED * _fastest(motion, at, float(theta[1])) < theta[0] < 0.5 * _ENDLESS:
             return self.id, np.array([_ENDLESS, theta[1]])
         return None
 

@@ -14,7 +14,7 @@ from wt.physics.motion import Motion
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.scene import Drive, Scene
 from wt.physics.servos import as_pid, sent, servos, slewed
-from wt.physics.units import HINGE, Units, units_at
+from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _TRIED = (0.5, 0.75, 0.9, 1.0)
@@ -93,17 +93,6 @@ class ActuatorSlewRate(Remembering, OnInputs):
             return {}
         drive = stretch.motion.scene.drive(at.name)
         return {f"{at.name} goal": _begin(stretch, drive, theta[0] * abs(drive.gear))}
-
-    def contradiction(
-        self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
-    ) -> str | None:
-        """The goal would never have been slower than the command."""
-        drive = motion.scene.drive(at.name)
-        sends = _fastest(motion, drive)
-        if theta[0] * _PASSED < sends:
-            return None
-        said = f"{sends:.2g} {units_at(motion.scene, at).speed}"
-        return f"its command never moves faster than {said}"
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
