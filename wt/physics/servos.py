@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
@@ -185,8 +186,18 @@ class _Integrals(NamedTuple):
     gain: float
 
 
-@functools.lru_cache(maxsize=64)
+_known: WeakKeyDictionary[Motion, dict[str, _Integrals]] = WeakKeyDictionary()
+
+
 def _integrals(motion: Motion, actuator: str) -> _Integrals:
+    """Worked out once, as long as the motion lives."""
+    of_motion = _known.setdefault(motion, {})
+    if actuator not in of_motion:
+        of_motion[actuator] = _integrated(motion, actuator)
+    return of_motion[actuator]
+
+
+def _integrated(motion: Motion, actuator: str) -> _Integrals:
     drive = motion.scene.drive(actuator)
     error = np.zeros(len(motion))
     target = np.clip(motion.command[:, drive.index], *drive.commands) / drive.gear
