@@ -41,7 +41,6 @@ ALWAYS = {
 OFTEN = {
     "actuator.damping",
     "actuator.feedforward",
-    "actuator.integral",
     "joint.friction_quadratic",
     "body.payload_fixed",
     "body.mass",

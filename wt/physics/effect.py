@@ -23,10 +23,11 @@ Adding an effect
 4. What the contract above cannot say is said by base classes of :mod:`wt.physics.hooks`, as many
    as it needs: what MuJoCo has no element for acts in the replay instead, on its inputs
    (``OnInputs``), its outputs (``OnOutputs``) or at every step (``OnSteps``, by a function that
-   is compiled: :mod:`wt.physics.live`); joints that a patch adds have a state (``Stateful``); part
-   of it may be read off the recordings (``FromRecordings``); its force may be linear in products
-   only (``Linearised``); it may contain a smaller law (``Nested``), or be, where it is small, an
-   error of any model (``Tolerated``).
+   is compiled: :mod:`wt.physics.live`); joints that a patch adds have a state (``Stateful``), or
+   firmware has one that comes of all that was before (``Remembering``); part of it may be read off
+   the recordings (``FromRecordings``); its force may be linear in products only (``Linearised``);
+   it may contain a smaller law (``Nested``), or be, where it is small, an error of any model
+   (``Tolerated``).
 5. One row of truth in ``tests/physics/truths.py``: a machine that has it, by MJCF written by hand
    or a law in closed form, never by the effect's own code.
 

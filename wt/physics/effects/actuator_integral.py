@@ -32,7 +32,6 @@ class ActuatorIntegral(Remembering):
     signed = (1,)
     excludes = ("actuator.lag",)
     looks_like = ("offset",)
-    common = "often"
     plotted_over = "time"
 
     def places(self, scene: Scene) -> Sequence[Location]:
