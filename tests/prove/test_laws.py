@@ -86,7 +86,7 @@ def test_a_servo_that_feeds_back_less_velocity_swings_as_one_with_less_friction(
 def test_feedforward_of_all_its_damping_lets_a_servo_follow_without_lag() -> None:
     """A light load at a constant speed: the servo's own damping takes speed · kv."""
     kv, speed = SERVO.links[0].kv, 0.5
-    ramp = lambda t: speed * math.floor(t * 100.0) / 100.0  # noqa: E731 – held for 10 ms
+    ramp = lambda t: speed * math.floor(t * 100.0 + 1e-6) / 100.0  # noqa: E731 – held for 10 ms
     ahead = law("actuator.feedforward", {"coefficient": kv}, "hinge_drive")
     lags = [speed * 1.0 - run(pendulum(*laws), ramp, 1.001, 0.0).fine_q[-1, 0]
             for laws in ((), (ahead,))]  # fmt: skip

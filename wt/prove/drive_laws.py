@@ -6,6 +6,7 @@ Definitions of the parameters stand at each law. Limits have smooth knees of 2 %
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -79,18 +80,16 @@ class HiddenFeedforward(CommandLaw):
     def bind(self, plant: Plant) -> None:
         """The servo's stiffness, and how often commands come; none has come yet."""
         self._ahead = self.number("coefficient") / float(plant.kp[plant.index(self.place)])
-        self._interval, self._h = plant.interval, plant.h
-        self._last, self._rate, self._since = math.nan, 0.0, 0
+        self._interval = plant.interval
+        self._past = deque[float](maxlen=max(1, round(plant.interval / plant.h)))
 
     def command(self, u: float) -> float:
         """A command that lasts longer than others was sent again, and has no rate any more."""
-        self._since += 1
-        if u != self._last and not math.isnan(self._last):
-            self._rate, self._since = (u - self._last) / self._interval, 0
-        elif self._since * self._h > self._interval + 0.5 * self._h:
-            self._rate = 0.0
-        self._last = u
-        return u + self._ahead * self._rate
+        if len(self._past) < (self._past.maxlen or 1):
+            self._past.extend([u] * (self._past.maxlen or 1))
+        rate = (u - self._past[0]) / self._interval
+        self._past.append(u)
+        return u + self._ahead * rate
 
 
 class HiddenIntegral(CommandLaw, TorqueLaw):

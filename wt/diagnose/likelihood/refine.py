@@ -155,9 +155,9 @@ def jacobian(
     for assessed, parts, near in zip(at, free, before or [None] * len(at), strict=True):
         theta = pack(assessed.hypothesis, parts)
         lower, upper = bounds(assessed.hypothesis, parts)
-        step = np.maximum(
-            steps(objective, assessed.hypothesis, parts), _RELATIVE_STEP * np.abs(theta)
-        )
+        least = steps(objective, assessed.hypothesis, parts)
+        # what has no step is a choice or was read off, and stays
+        step = np.where(least > 0.0, np.maximum(least, _RELATIVE_STEP * np.abs(theta)), 0.0)
         if near is not None:
             step = np.clip(_seen(objective, assessed, near), step, _LONGEST * step)
         step *= objective.nudge

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import free_of_limits
-from wt.physics.hooks import OnInputs
+from wt.physics.hooks import FromRecordings, OnInputs
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs
 from wt.physics.scene import Scene
@@ -24,7 +24,7 @@ from wt.types import Location
 
 
 @register
-class ActuatorFeedforward(OnInputs):
+class ActuatorFeedforward(FromRecordings, OnInputs):
     """τ += coefficient · (u(t) − u(t − period)) / period, with a command u that is held.
 
     The period is that of the commands: firmware takes the difference of the last two.
@@ -38,6 +38,7 @@ class ActuatorFeedforward(OnInputs):
     )
     reference = "G. Ellis, Control System Design Guide, 2012, chapter 8 (velocity feed-forward)"
     native = False
+    read_off = 1
     signed = (1,)
     looks_like = ("friction by speed",)
     common = "often"
@@ -94,11 +95,16 @@ class ActuatorFeedforward(OnInputs):
         coefficient, period = theta
         name = f'"{at.name} commands"'
         force = (
-            f'u, dof = ctrl[:, self.model.actuator("{at.name}").id], '
-            f'self._drive("{at.name}", qpos, qvel, ctrl)[1]',
-            f"past = self._state({name}, np.tile(u, (max(1, round({number(period)} / h)), 1)))",
-            f"f[:, dof] += {number(coefficient / period)} * (u - past[0])",
-            f"self._next[{name}] = np.concatenate([past[1:], u[None]])",
+            f'i = self._actuators["{at.name}"]',
+            f"k, steps = self.model.actuator_ctrladr[i], max(1, round({number(period)} / h))",
+            f"past = self._state({name}, np.tile(ctrl[:, k], (steps, 1)))",
+            f"more = {number(coefficient)} * (ctrl[:, k] - past[0]) / (steps * h)",
+            "ahead = ctrl.copy()",
+            "ahead[:, k] += more / (self.model.actuator_gear[i, 0] * self._gain[i, 0])",
+            # the drive has its limits, with feed-forward as without
+            f'before, dof = self._drive("{at.name}", qpos, qvel, ctrl)',
+            f'f[:, dof] += self._drive("{at.name}", qpos, qvel, ahead)[0] - before',
+            f"self._next[{name}] = np.concatenate([past[1:], ctrl[None, :, k]])",
         )
         return Script(force=force, helpers=("drive",))
 
