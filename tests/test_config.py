@@ -147,7 +147,7 @@ def test_unknown_key_names_the_nearest(override: str, key: str, near: str) -> No
 
 
 def test_unknown_key_far_from_all_lists_them() -> None:
-    assert "allowed: dir, held_out, in_memory, real_transitions" in refused("data.zzz=1")
+    assert "allowed: dir, held_out, in_memory, lessons, real_transitions" in refused("data.zzz=1")
 
 
 @pytest.mark.parametrize(

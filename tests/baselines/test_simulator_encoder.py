@@ -8,6 +8,8 @@ import pytest
 from tests.baselines.toy import REAL, SIM, Field, Toy, Trial
 from wt.baselines.base import find
 from wt.config import Baselines
+from wt.train.hidden import HiddenEstimator
+from wt.train.regression import Progress
 from wt.train.selection import Unpaired
 from wt.types import Pairs, Transitions
 
@@ -66,3 +68,25 @@ def test_what_no_recording_tells_is_taken_from_s(small: Baselines) -> None:
     error = (baseline.predict(test) - real.s_next)[:, 2:]
     pushed = (real.s_next - REAL.step(np.float64(real.o[:, :4]), real.a, 0 * real.hidden))[:, 2:]
     assert np.mean(error**2) < 0.3 * np.mean(pushed**2)
+
+
+def test_estimates_are_taught_by_lessons(monkeypatch: pytest.MonkeyPatch) -> None:
+    toy, given = Toy(0.5), list[object]()
+    fit = HiddenEstimator.fit
+
+    def watched(
+        self: HiddenEstimator,
+        sim: Transitions,
+        real: Transitions,
+        _: Progress | None,
+        *,
+        lessons: Transitions | None,
+    ) -> None:
+        given.append(lessons)
+        fit(self, sim, real, lessons=lessons)
+
+    monkeypatch.setattr(HiddenEstimator, "fit", watched)
+    sim, real, around = (toy.collect(plant, 3, k) for k, plant in enumerate((SIM, REAL, SIM)))
+    settings = Baselines(width=8, depth=1, steps=5, batch=16)
+    find("SimulatorEncoder")(toy.spec, settings, 0, toy, None, around).train(sim, real)
+    assert given == [around]
