@@ -23,7 +23,7 @@ from wt.diagnose.likelihood.refine import jacobian
 from wt.diagnose.selection.candidates import excluded
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Common, Effect, Shape, effects
-from wt.physics.hooks import shaped
+from wt.physics.hooks import Remembering, shaped
 from wt.physics.planted import Hypothesis, Key, Planted
 from wt.types import Location
 
@@ -130,6 +130,8 @@ def _laws(objective: Objective, now: Assessed, dof: int) -> list[Law]:
     found = {p.key: p for p in now.hypothesis}
     for effect in effects().values():
         if effect.kind not in ("joint", "actuator") or effect.n_theta != 1:
+            continue
+        if isinstance(effect, Remembering):  # what it begins with is not linear in its parameter
             continue
         nothing = effect.parameters[0].neutral
         for at in (at for at in effect.places(scene) if scene.dof_at(at) == dof):
