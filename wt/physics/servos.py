@@ -28,6 +28,8 @@ _LOOSE_S = 0.3
 """Begin and end of a segment, where a smooth curve says little of forces [s]."""
 _STOPPED = 0.1
 """Share of a joint's usual speed below which dry friction has no clear sign."""
+_FASTEST = 0.999
+"""Quantile of a joint's speeds that is its fastest: above are blows and noise."""
 _EXACT = 1e-6
 """Share by which the gain of a servo's command and that of its position may differ."""
 
@@ -45,6 +47,11 @@ def servos(scene: Scene) -> list[Location]:
         and d.gear != 0.0
         and abs(d.gain + d.bias[1]) <= _EXACT * d.gain
     ]
+
+
+def fastest(motion: Motion, drive: Drive) -> float:
+    """Fastest that a drive's joint moves, but for blows and noise [rad/s]."""
+    return float(np.quantile(np.abs(motion.v[:, drive.dof]), _FASTEST))
 
 
 def as_pid(spec: mujoco.MjSpec, name: str) -> mujoco.MjsActuator:

@@ -7,8 +7,8 @@ which has physics of its own, spread around S as wide as simulators are off, and
 holds for all of them (as policies do under domain randomization: Tobin et al. 2017; and as what
 estimates their dynamics does: Kumar et al., RMA, 2021).
 
-Nothing of R decides how wide: drives and floor within 28 % of S's, masses within 16 %, friction in
-the joints, which nobody knows, within a factor of 3.5.
+How wide is the same for every R, which has to lie within: drives and floor within 28 % of S's,
+masses within 16 %, friction in the joints, which nobody knows, within a factor of 3.5.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from wt.physics.motion import Motion
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.scene import Drive, Scene
 from wt.physics.script import Script, number
-from wt.physics.servos import Goal, profiled, sent, servos
+from wt.physics.servos import Goal, fastest, profiled, sent, servos
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -25,8 +25,6 @@ _SHARES = (0.8, 1.1)
 """Of a joint's fastest motion that are tried as its goal's: a servo overshoots a little."""
 _ENDLESS = 1e5
 """A speed that is no limit [rad/s]."""
-_FASTEST = 0.999
-"""Quantile of a joint's speeds that is its fastest: above are blows and noise."""
 _REACHED = 0.98
 """Share of a limit of speed from which a goal has come to it, as far as anybody can tell."""
 _AT_ONCE_S = 5e-3
@@ -63,11 +61,10 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
 
         None without a limit of speed: from there no small step leads back to one.
         """
-        v = np.abs(motion.v[:, motion.scene.drive(at.name).dof])
-        fastest = float(np.quantile(v, _FASTEST))
-        if fastest == 0.0:
+        most = fastest(motion, motion.scene.drive(at.name))
+        if most == 0.0:
             return []
-        return [(s * fastest, fastest / rise) for s in _SHARES for rise in _RISES_S]
+        return [(s * most, most / rise) for s in _SHARES for rise in _RISES_S]
 
     def beyond(
         self, motion: Motion, at: Location, law: str, theta: Float[np.ndarray, " smaller"]
@@ -88,7 +85,7 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         """A limited speed that is reached at once; an acceleration, where that speed never is."""
         if theta[0] < _AT_ONCE_S * np.max(intervals["acceleration"][1]):
             return "actuator.slew_rate", theta[:1]
-        if _REACHED * _fastest(motion, at, float(theta[1])) < theta[0] < 0.5 * _ENDLESS:
+        if _REACHED * _fastest_goal(motion, at, float(theta[1])) < theta[0] < 0.5 * _ENDLESS:
             return self.id, np.array([_ENDLESS, theta[1]])
         return None
 
@@ -162,15 +159,15 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         return f"steps of {at.name}, small and large, whose flanks tell a profile from a lag"
 
 
-def _fastest(motion: Motion, at: Location, acceleration: float) -> float:
+def _fastest_goal(motion: Motion, at: Location, acceleration: float) -> float:
     """Fastest that a goal without a limit of its speed moves, of the joint [rad/s]."""
-    drive, fastest = motion.scene.drive(at.name), 0.0
+    drive, most = motion.scene.drive(at.name), 0.0
     for s in motion.segments:
         u = np.clip(motion.command[s.rows, drive.index], *drive.commands)
         parts, limits = max(1, int(np.ceil(s.dt / _STEP_S))), (_ENDLESS, acceleration)
         rates = _followed(u, s.dt, parts, drive, limits, Goal(float(u[0])))[:, 1]
-        fastest = max(fastest, float(np.abs(rates).max()))
-    return fastest / abs(drive.gear)
+        most = max(most, float(np.abs(rates).max()))
+    return most / abs(drive.gear)
 
 
 def _begin(stretch: Stretch, drive: Drive, theta: Float[np.ndarray, " parameter"]) -> Goal:

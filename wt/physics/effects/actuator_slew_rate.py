@@ -13,14 +13,12 @@ from wt.physics.hooks import OnInputs, Remembering
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.scene import Drive, Scene
-from wt.physics.servos import as_pid, sent, servos, slewed
+from wt.physics.servos import as_pid, fastest, sent, servos, slewed
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
 _TRIED = (0.5, 0.75, 0.9, 1.0)
 """Shares of a joint's fastest motion that are tried as its goal's: a servo overshoots a little."""
-_FASTEST = 0.999
-"""Quantile of a joint's speeds that is its fastest: above are blows and noise."""
 _PASSED = 1.02
 """A command that is faster than the goal by less than this share may as well be reached."""
 
@@ -45,9 +43,8 @@ class ActuatorSlewRate(Remembering, OnInputs):
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Speeds around the joint's fastest, where the command is ever faster."""
         drive = motion.scene.drive(at.name)
-        fastest = float(np.quantile(np.abs(motion.v[:, drive.dof]), _FASTEST))
-        sends = _fastest(motion, drive)
-        return [(s,) for f in _TRIED if (s := f * fastest) * _PASSED < sends and s > 0.0]
+        most, sends = fastest(motion, drive), _fastest_sent(motion, drive)
+        return [(s,) for f in _TRIED if (s := f * most) * _PASSED < sends and s > 0.0]
 
     def columns(
         self, motion: Motion, at: Location, shape: Shape
@@ -117,7 +114,7 @@ def _begin(stretch: Stretch, drive: Drive, speed: float) -> float:
     return goal
 
 
-def _fastest(motion: Motion, drive: Drive) -> float:
+def _fastest_sent(motion: Motion, drive: Drive) -> float:
     """Fastest that a drive's command moves, of the joint [rad/s]."""
     u = np.clip(motion.command[:, drive.index], *drive.commands)
     rates = [np.abs(np.diff(u[s.rows])).max(initial=0.0) / s.dt for s in motion.segments]
