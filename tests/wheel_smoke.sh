@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Does the built wheel work where the checkout is not on the path? Run by `make wheel-smoke`
 # and, step by step, by the Dockerfile:
-#   install DIR [EXTRA]   new environment DIR with the wheel of this checkout in it
+#   install DIR [EXTRA]   new environment DIR with the wheel of this checkout in it, or with WHEEL
 #   diagnose DIR OUT      without an extra: under a gigabyte, and finds what an example hides
 #   fit DIR OUT           with the extra fit: the debug fit, its files in OUT
 # Without arguments: all of them in a temporary folder, the first two for Python 3.13 as well.
@@ -15,10 +15,13 @@ install() {
     "$PYTHON" -m venv "$env"
     local pip=("$env/bin/pip" -qq --disable-pip-version-check)
     if [ -n "$extra" ]; then "${pip[@]}" install "$(grep '^torch==' "$root/constraints.txt")"; fi
+    "${pip[@]}" install -c "$root/constraints.txt" "${WHEEL:-$(build "$env")}${extra:+[$extra]}"
+}
+
+build() {
     rm -rf "$root/build" # setuptools would pack what it left there, deleted modules included
-    "${pip[@]}" wheel --no-deps --wheel-dir "$env/wheel" "$root"
-    "${pip[@]}" install -c "$root/constraints.txt" \
-        "$(echo "$env"/wheel/world_translation-*.whl)${extra:+[$extra]}"
+    "$1/bin/pip" -qq --disable-pip-version-check wheel --no-deps --wheel-dir "$1/wheel" "$root" >&2
+    echo "$1"/wheel/world_translation-*.whl
 }
 
 diagnose() {
@@ -53,6 +56,12 @@ all() {
         PYENV_VERSION=$(pyenv versions --bare | sort -rV | paste -sd:)
         export PYENV_VERSION
     fi
+    "$PYTHON" -m venv "$folder/builds"
+    WHEEL=$(build "$folder/builds")
+    export WHEEL
+    # installing mostly waits: the environment with an extra beside those without
+    (install "$folder/whole" fit; fit "$folder/whole" "$folder/fitted") > "$folder/whole.log" 2>&1 &
+    local whole=$!
     for python in "$PYTHON" python3.13; do
         if ! "$python" -c 'import ensurepip' 2> /dev/null; then
             echo "SKIPPED: no $python on this machine"
@@ -62,8 +71,8 @@ all() {
         (diagnose "$folder/small" "$folder/diagnosed")
         rm -rf "$folder/small" "$folder/diagnosed"
     done
-    install "$folder/whole" fit
-    (fit "$folder/whole" "$folder/fitted")
+    wait "$whole" || fail "the wheel with the extra fit: $(tail -n 20 "$folder/whole.log")"
+    tail -n 1 "$folder/whole.log"
 }
 
 PYTHON=${PYTHON:-python3}

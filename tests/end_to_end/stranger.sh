@@ -12,7 +12,8 @@ began=$SECONDS
 git clone --quiet "$root" "$home/clone"
 cd "$home/clone"
 if [ -n "${STRANGER_VENV:-}" ]; then
-    ln -s "$STRANGER_VENV" .venv && touch -h .venv && export PYTHONPATH=$PWD
+    ln -s "$STRANGER_VENV" .venv && export PYTHONPATH=$PWD
+    touch -r .venv/.installed pyproject.toml constraints.txt # or make would install this clone there
     bin=.venv/bin
 else
     make env
