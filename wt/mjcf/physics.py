@@ -19,7 +19,7 @@ import numpy as np
 
 from wt.mjcf import template
 from wt.physics.hooks import InReplay
-from wt.physics.planted import Hypothesis, Planted
+from wt.physics.planted import Hypothesis, Planted, in_order
 from wt.physics.scene import Scene
 from wt.physics.script import WIDTH, Helper, Script, number
 
@@ -33,7 +33,8 @@ HELPERS: dict[Helper, tuple[str, ...]] = {
     "creep": ("_creep",),
     "swing": ("_swing",),
     "gear": ("_gear", "_drives", "_drive"),
-    "profile": ("_profile",),
+    "command": ("_command",),
+    "profile": ("_profile", "_command"),
 }
 """What lines of effects may ask for, and the methods that it takes."""
 _DRIVES: set[Helper] = {"drive", "drives"}
@@ -76,7 +77,7 @@ def physics_py(
         recordings: names of the recordings, by index; events have times in each.
         shown: the recording whose events act if nothing else is said.
     """
-    written = [(p.effect.script(p.at, p.theta), p) for p in hypothesis]
+    written = [(p.effect.script(p.at, p.theta), p) for p in in_order(hypothesis)]
     scripts = [(script, p.statement(scene)) for script, p in written if script is not None]
     if not any(script.acts for script, _ in scripts):
         return None

@@ -231,13 +231,12 @@ class Physics:
         return lag, speed
 
     def _profile(
-        self, name: str, q: Array, v: Array, u: Array, speed: float, acceleration: float, h: float
-    ) -> tuple[Array, int]:
-        """Force of a servo towards a goal that moves to its command by a profile, less its own."""
+        self, name: str, ctrl: Array, speed: float, acceleration: float, h: float
+    ) -> Array:
+        """Goal of a servo, which moves to its command by a profile."""
         m, i = self.model, self._actuators[name]
-        joint, gear, k = m.actuator_trnid[i, 0], m.actuator_gear[i, 0], m.actuator_ctrladr[i]
-        dof, limited = int(m.jnt_dofadr[joint]), bool(m.actuator_ctrllimited[i])
-        u = np.clip(u[:, k], *m.actuator_ctrlrange[i]) if limited else u[:, k]
+        gear, u = m.actuator_gear[i, 0], ctrl[:, m.actuator_ctrladr[i]]
+        u = np.clip(u, *m.actuator_ctrlrange[i]) if m.actuator_ctrllimited[i] else u
         at, rate = self._state(f"{name} profile", u), self._state(f"{name} profile's rate", 0.0 * u)
         speed, most = abs(gear) * speed, abs(gear) * acceleration * h
         # as fast as it can be stopped from in such steps
@@ -245,18 +244,32 @@ class Physics:
         fast = np.minimum(np.minimum(fast, speed), np.abs(u - at) / h)
         rate = rate + np.clip(np.sign(u - at) * fast - rate, -most, most)
         self._next[f"{name} profile"], self._next[f"{name} profile's rate"] = at + rate * h, rate
-        at = at + rate * h
+        return at + rate * h
+
+    def _command(
+        self, name: str, u: Array, qpos: Array, qvel: Array, ctrl: Array, f: Array
+    ) -> Array:
+        """Commands with another one (n,) for a drive, which adds to f what that makes of it."""
+        m, i = self.model, self._actuators[name]
+        joint, gear, k = m.actuator_trnid[i, 0], m.actuator_gear[i, 0], m.actuator_ctrladr[i]
+        dof, pid = int(m.jnt_dofadr[joint]), m.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_PID
+        commands = [u, ctrl[:, k]]
+        if m.actuator_ctrllimited[i]:
+            commands = [np.clip(x, *m.actuator_ctrlrange[i]) for x in commands]
         constant, stiffness, damping = m.actuator_biasprm[i, :3]
-        rest = constant + gear * (stiffness * q[:, m.jnt_qposadr[joint]] + damping * v[:, dof])
-        forces = [rest - stiffness * x for x in (at, u)]
+        rest = gear * (stiffness * qpos[:, m.jnt_qposadr[joint]] + damping * qvel[:, dof])
+        gain = -stiffness if pid else m.actuator_gainprm[i, 0]
+        forces = [gain * x + constant + rest for x in commands]
         if m.actuator_forcelimited[i]:
             forces = [np.clip(x, *m.actuator_forcerange[i]) for x in forces]
-        more = forces[0] - forces[1]
-        if m.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_PID:  # it has summed the command's error
-            behind = self._state(f"{name} profile's sum", 0.0 * u)
-            self._next[f"{name} profile's sum"] = behind + h * (at - u)
-            more = more + m.actuator_gainprm[i, 0] * behind
-        return gear * more, dof
+        f[:, dof] += gear * (forces[0] - forces[1])
+        if pid:  # it has summed the error of the command as sent
+            behind, h = self._state(f"{name} sum", 0.0 * u), m.opt.timestep
+            self._next[f"{name} sum"] = behind + h * (commands[0] - commands[1])
+            f[:, dof] += gear * m.actuator_gainprm[i, 0] * behind
+        other = ctrl.copy()
+        other[:, k] = commands[0]
+        return other
 
     def _drives(self, joint: str, qpos: Array, qvel: Array, ctrl: Array) -> Array:
         """Force of all drives of a joint, or of its rotor if it has one of its own."""

@@ -9,10 +9,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wt.physics.effect import Effect
-from wt.physics.hooks import OnSteps
+from wt.physics.hooks import Limiting, OnSteps
 from wt.physics.live import Live
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
+
+_Most = tuple[tuple[str, float], ...]
+_Group = tuple[int, _Most]
+"""A law, and the limits of the drives that it sees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +53,34 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]], h: float) -> A
         h: physics step [s].
     """
     # two learned laws share a name, and are still two objects
-    laws: dict[int, OnSteps] = {}
-    places: dict[int, list[tuple[int, Planted]]] = {}
+    laws: dict[_Group, OnSteps] = {}
+    places: dict[_Group, list[tuple[int, Planted]]] = {}
     for row, hypothesis in enumerate(hypotheses):
+        most = _most(hypothesis)
         for p in hypothesis:
             if isinstance(p.effect, OnSteps):
-                laws[id(p.effect)] = p.effect
-                places.setdefault(id(p.effect), []).append((row, p))
+                laws[id(p.effect), most] = p.effect
+                places.setdefault((id(p.effect), most), []).append((row, p))
     parts = []
-    for key in sorted(laws, key=lambda key: laws[key].id):
+    for key in sorted(laws, key=lambda key: (laws[key].id, key[1])):
         there = sorted(places[key], key=lambda place: (place[0], place[1].at.name))
         rows, planted = np.array([row for row, _ in there]), [p for _, p in there]
         theta = np.stack([p.theta for p in planted])
-        live = laws[key].live(scene, [p.at for p in planted], theta, h)
+        seen = scene.limited(dict(key[1])) if key[1] else scene
+        live = laws[key].live(seen, [p.at for p in planted], theta, h)
         parts.append((rows, live))
     return _side_by_side(parts) if parts else None
+
+
+def _most(hypothesis: Sequence[Planted]) -> _Most:
+    """What drives give on their joints at most, by name, where a hypothesis limits them."""
+    return tuple(
+        sorted(
+            (p.at.name, p.effect.most(p.theta))
+            for p in hypothesis
+            if isinstance(p.effect, Limiting)
+        )
+    )
 
 
 def _side_by_side(parts: Sequence[tuple[Int[np.ndarray, " _"], Live]]) -> Acting:

@@ -255,6 +255,14 @@ class Remembering(Effect):
         """
 
 
+class Limiting(Effect):
+    """An effect by which a drive gives no more than some force: laws see it as it is with that."""
+
+    @abc.abstractmethod
+    def most(self, theta: Float[np.ndarray, " parameter"]) -> float:
+        """Largest force on the joint [N·m or N]."""
+
+
 class InReplay(Effect):
     """An effect that a replay brings about by itself, without the patch: the user's stand-in."""
 
@@ -270,6 +278,10 @@ class OnInputs(InReplay):
         self, inputs: Inputs, scene: Scene, at: Location, theta: Float[np.ndarray, " parameter"]
     ) -> None:
         """Change the commands or external forces of a replay, in place."""
+
+
+class OnGoals(OnInputs):
+    """An effect on where a drive's goal is: what else is made of commands is made of that."""
 
 
 class OnOutputs(InReplay):

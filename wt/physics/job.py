@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from wt.physics.acting import is_live
 from wt.physics.activation import activated, dynamic
-from wt.physics.planted import Planted
+from wt.physics.planted import Planted, in_order
 from wt.physics.replay import Inputs, Outputs, Stretch
 from wt.physics.scene import Scene
 
@@ -89,7 +89,7 @@ class Job:
         self.stretch = stretch
         self.model = model
         self.inputs = replace(given, u=given.u.copy(), force={}, torque={})
-        for p in hypothesis:
+        for p in in_order(hypothesis):
             p.drive(self.inputs, self.scene)
         self.inputs = self.inputs.of_replay()
         self.live, steps = any(is_live(p.effect) for p in hypothesis), len(self.inputs.t)

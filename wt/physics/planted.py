@@ -18,6 +18,7 @@ from wt.physics.hooks import (
     Intervals,
     Linearised,
     Nested,
+    OnGoals,
     OnInputs,
     OnOutputs,
     Remembering,
@@ -205,6 +206,17 @@ class Planted:
 
 Hypothesis = tuple[Planted, ...]
 """Effects that act together."""
+
+
+def in_order(hypothesis: Sequence[Planted]) -> list[Planted]:
+    """Effects in the order in which a command passes them: goals, what is made of these, forces."""
+    kinds = OnGoals, OnInputs
+
+    def passed(planted: Planted) -> int:
+        found = (i for i, kind in enumerate(kinds) if isinstance(planted.effect, kind))
+        return next(found, len(kinds))
+
+    return sorted(hypothesis, key=passed)
 
 
 def without(hypothesis: Hypothesis, index: int) -> Hypothesis:

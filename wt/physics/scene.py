@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -74,6 +74,11 @@ class Drive:
         constant, stiffness, damping = self.bias
         spring = stiffness * self.gear * q + damping * self.gear * v
         return np.asarray(self.gain * np.clip(u, *self.commands) + constant + spring)
+
+    def limited(self, most: float) -> Drive:
+        """The same that gives no more than so much on its joint [N·m or N]."""
+        low, high = np.clip(self.forces, -most / abs(self.gear), most / abs(self.gear))
+        return replace(self, forces=(float(low), float(high)))
 
     @property
     def servo(self) -> bool:
@@ -349,6 +354,15 @@ class Scene:
             if drive.name == name:
                 return drive
         raise KeyError(name)
+
+    def limited(self, most: Mapping[str, float]) -> Scene:
+        """The same machine whose drives of some names give no more than so much on their joints."""
+        limited = copy.copy(self)
+        limited.drives = tuple(
+            drive.limited(most[drive.name]) if drive.name in most else drive
+            for drive in self.drives
+        )
+        return limited
 
     def driven(self, at: Location) -> tuple[Drive, ...]:
         """The drives at a place: one, at ``all`` every one, and none where no drive stands."""

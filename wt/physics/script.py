@@ -9,6 +9,7 @@ the methods of one class that needs numpy and MuJoCo alone. They see these names
 ``f``     generalised forces of n simulations, (n, nv) [N·m or N]: to be added to
 ``qpos``, ``qvel``, ``ctrl``, ``t``  their states, commands as the drives receive them, and times,
           (n, nq), (n, nv), (n, nu), (n,)
+          an effect that moves a drive's command binds ``ctrl`` anew, and later ones see that
 ``h``     physics step [s]
 ``t``, ``q``, ``v``  in ``sense`` and ``undo``: times (time,), and the joints' positions and
           velocities, (time, joint); ``joint("j1")`` is the column of a joint
@@ -28,8 +29,9 @@ from typing import Literal
 WIDTH = 88
 """Of a line, which is indented by two levels more in the file."""
 Helper = Literal[
-    "joint", "drive", "drives", "bristle", "push", "residual", "creep", "swing", "gear", "profile"
-]
+    "joint", "drive", "drives", "bristle", "push", "residual", "creep", "swing", "gear", "command",
+    "profile",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

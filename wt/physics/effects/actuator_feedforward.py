@@ -40,6 +40,7 @@ class ActuatorFeedforward(FromRecordings, OnInputs):
     native = False
     read_off = 1
     signed = (1,)
+    excludes = ("actuator.integral",)  # which would sum what is ahead
     looks_like = ("friction by speed",)
     common = "often"
     plotted_over = "velocity"
@@ -98,15 +99,13 @@ class ActuatorFeedforward(FromRecordings, OnInputs):
             f'i = self._actuators["{at.name}"]',
             f"k, steps = self.model.actuator_ctrladr[i], max(1, round({number(period)} / h))",
             f"past = self._state({name}, np.tile(ctrl[:, k], (steps, 1)))",
-            f"more = {number(coefficient)} * (ctrl[:, k] - past[0]) / (steps * h)",
-            "ahead = ctrl.copy()",
-            "ahead[:, k] += more / (self.model.actuator_gear[i, 0] * self._gain[i, 0])",
-            # the drive has its limits, with feed-forward as without
-            f'before, dof = self._drive("{at.name}", qpos, qvel, ctrl)',
-            f'f[:, dof] += self._drive("{at.name}", qpos, qvel, ahead)[0] - before',
             f"self._next[{name}] = np.concatenate([past[1:], ctrl[None, :, k]])",
+            f"more = {number(coefficient)} * (ctrl[:, k] - past[0]) / (steps * h)",
+            # a command that is ahead: the drive has its limits, with feed-forward as without
+            "ahead = ctrl[:, k] + more / (self.model.actuator_gear[i, 0] * self._gain[i, 0])",
+            f'ctrl = self._command("{at.name}", ahead, qpos, qvel, ctrl, f)',
         )
-        return Script(force=force, helpers=("drive",))
+        return Script(force=force, helpers=("drive", "command"))
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import LEAST, Parameter, Shape, register
-from wt.physics.hooks import Beyond, Intervals, Nested, OnInputs, Remembering
+from wt.physics.hooks import Beyond, Intervals, Nested, OnGoals, Remembering
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.scene import Drive, Scene
@@ -32,7 +32,7 @@ _AT_ONCE_S = 5e-3
 
 
 @register
-class ActuatorProfile(Nested, Remembering, OnInputs):
+class ActuatorProfile(Nested, Remembering, OnGoals):
     """|dg/dt| ≤ speed and |d²g/dt²| ≤ acceleration, so that g stops at u; the drive goes to g.
 
     The goal g is as fast as it can be stopped from: √(2 · acceleration · |u − g|) at most.
@@ -137,8 +137,8 @@ class ActuatorProfile(Nested, Remembering, OnInputs):
         """Follow the profile, and pull to it instead of the command."""
         speed, acceleration = map(number, theta)
         force = (
-            f'more, dof = self._profile("{at.name}", qpos, qvel, ctrl, {speed}, {acceleration}, h)',
-            "f[:, dof] += more",
+            f'goal = self._profile("{at.name}", ctrl, {speed}, {acceleration}, h)',
+            f'ctrl = self._command("{at.name}", goal, qpos, qvel, ctrl, f)',
         )
         return Script(force=force, helpers=("profile",))
 

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.effect import LEAST, Effect, Parameter, Shape, register
+from wt.physics.effect import LEAST, Parameter, Shape, register
 from wt.physics.effects._tools import noticeable
+from wt.physics.hooks import Limiting
 from wt.physics.motion import Motion
 from wt.physics.units import HINGE, Units, units_at
 from wt.physics.usual import smoothed
@@ -20,7 +21,7 @@ _OFTEN, _DEMANDED = 0.99, 1.5
 
 
 @register
-class ActuatorSaturation(Effect):
+class ActuatorSaturation(Limiting):
     """force → clip(force, −torque, torque)."""
 
     id = "actuator.saturation"
@@ -55,6 +56,10 @@ class ActuatorSaturation(Effect):
     ) -> None:
         """Narrow the actuator's ``forcerange``."""
         narrow(spec, at.name, float(theta[0]))
+
+    def most(self, theta: Float[np.ndarray, " parameter"]) -> float:
+        """See :meth:`Limiting.most`."""
+        return float(theta[0])
 
     def contradiction(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]

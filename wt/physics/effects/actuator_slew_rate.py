@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import LEAST, Parameter, Shape, register
-from wt.physics.hooks import OnInputs, Remembering
+from wt.physics.hooks import OnGoals, Remembering
 from wt.physics.motion import Motion
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.scene import Drive, Scene
@@ -24,7 +24,7 @@ _PASSED = 1.02
 
 
 @register
-class ActuatorSlewRate(Remembering, OnInputs):
+class ActuatorSlewRate(Remembering, OnGoals):
     """g → u with |dg/dt| ≤ speed, and the drive goes to g."""
 
     id = "actuator.slew_rate"
