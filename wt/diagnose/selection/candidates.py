@@ -104,7 +104,10 @@ def lookalikes(screen: Screen, planted: Planted) -> set[tuple[str, Location]]:
 
 
 def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
-    """Hypotheses that gain much by the force residual, and the first at each joint."""
+    """Hypotheses that gain much by the force residual, and the first at each joint and at several.
+
+    What acts on several, as a load does, is spread over them, and behind what each has alone.
+    """
     best = ranked[0].gain if ranked else 0.0
     floating = bool(screen.motion.scene.free)
     share, least = THRESHOLDS.replay_share, THRESHOLDS.replay_nats
@@ -115,8 +118,9 @@ def _strong(screen: Screen, ranked: Sequence[Scored]) -> list[Scored]:
     first = _first_of_each(ranked, lambda s: s.planted.effect.id) if floating else ranked
     strong = [s for s in first[:KEPT] if s.gain >= share * best and s.gain > 0.0]
     others = [s for s in ranked if s not in strong and s.gain > least]
-    alone = [s for s in others if dof_of(screen, s.planted.at) >= 0]
-    return strong + _first_of_each(alone, lambda s: dof_of(screen, s.planted.at))
+    if floating:
+        others = [s for s in others if dof_of(screen, s.planted.at) >= 0]
+    return strong + _first_of_each(others, lambda s: dof_of(screen, s.planted.at))
 
 
 def _first_of_each(ranked: Sequence[Scored], label: Callable[[Scored], Hashable]) -> list[Scored]:
