@@ -27,6 +27,7 @@ HELPERS: dict[Helper, tuple[str, ...]] = {
     "joint": ("_joint",),
     "drive": ("_drive",),
     "drives": ("_drives", "_drive"),
+    "given": (),
     "bristle": ("_bristle",),
     "push": ("_push", "_scratch"),
     "residual": ("_residual", "_learned"),
@@ -37,8 +38,8 @@ HELPERS: dict[Helper, tuple[str, ...]] = {
     "profile": ("_profile", "_command"),
 }
 """What lines of effects may ask for, and the methods that it takes."""
-_DRIVES: set[Helper] = {"drive", "drives"}
-"""Those of them by which laws take shares of a drive's force."""
+_DRIVES: set[Helper] = {"drive", "drives", "given"}
+"""Those of them by which laws see drives as the given model has them."""
 _INIT: dict[Helper, tuple[str, ...]] = {
     "push": ("self._scratch = mujoco.MjData(model)",),
     "residual": (
@@ -149,7 +150,7 @@ def _as_given(scene: Scene, model: mujoco.MjModel) -> list[str]:
         for name, own, now in zip(("_gain", "_bias"), before, after, strict=True):
             changed = np.flatnonzero(np.asarray(own) != now).tolist()
             lines += [f"self.{name}[{i}, {k}] = {number(own[k])}" for k in changed]
-    why = "# laws take shares of the force that drives have without what was found of them"
+    why = "# laws see drives as they are without what was found of them"
     return [why, *lines] if lines else []
 
 

@@ -29,8 +29,8 @@ from typing import Literal
 WIDTH = 88
 """Of a line, which is indented by two levels more in the file."""
 Helper = Literal[
-    "joint", "drive", "drives", "bristle", "push", "residual", "creep", "swing", "gear", "command",
-    "profile",
+    "joint", "drive", "drives", "given", "bristle", "push", "residual", "creep", "swing", "gear",
+    "command", "profile",
 ]  # fmt: skip
 
 

@@ -105,7 +105,7 @@ class ActuatorFeedforward(FromRecordings, OnInputs):
             "ahead = ctrl[:, k] + more / (self.model.actuator_gear[i, 0] * self._gain[i, 0])",
             f'ctrl = self._command("{at.name}", ahead, qpos, qvel, ctrl, f)',
         )
-        return Script(force=force, helpers=("drive", "command"))
+        return Script(force=force, helpers=("given", "command"))
 
     def statement(
         self, at: Location, theta: Float[np.ndarray, " parameter"], units: Units = HINGE
