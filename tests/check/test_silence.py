@@ -58,6 +58,19 @@ def test_late_commands_are_no_fault(name: str, tmp_path: Path) -> None:
     assert not lines(name, with_columns(r, early), tmp_path)
 
 
+@pytest.mark.parametrize("name", ["planar", "arm4"])
+@pytest.mark.parametrize("rate", [50.0, 100.0])
+def test_one_drive_that_answers_early_is_no_fault_of_the_log(
+    rate: float, name: str, tmp_path: Path
+) -> None:
+    """As one does whose firmware feeds the velocity of its command forward."""
+    r = record(name, 9, rate=rate, seconds=6.0)
+    column = next(n for n in r.columns if n.startswith("ctrl/"))
+    sent = r.columns[column]
+    late = with_columns(r, {column: np.concatenate([sent[:1], sent[:-1]])})
+    assert not lines(name, late, tmp_path)
+
+
 SPRUNG = """<mujoco><option timestep="0.001"/><worldbody><body pos="0 0 1">
 <joint name="hinge" axis="0 1 0" damping="0.02"{}/>
 <geom type="capsule" fromto="0 0 0 0 0 -.6" size=".02" mass=".8"/></body></worldbody>

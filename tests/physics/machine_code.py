@@ -21,7 +21,7 @@ _LAW = ctypes.CFUNCTYPE(
 def called(law: Live, q: np.ndarray, v: np.ndarray, u: np.ndarray, t: float, h: float) -> float:
     """Force of a law at its first place in a state of all joints."""
     tables = law.theta[0], law.own[0]
-    states = [np.ascontiguousarray(x) for x in (q, v, u)]
+    states = [np.ascontiguousarray(x) for x in (np.tile(q, 2), np.tile(v, 2), u)]  # no rotor
     pointers = [x.ctypes.data for x in (*states, *tables)]
     force = _LAW(address(law.law))(int(law.dofs[0]), *pointers[:3], t, h, *pointers[3:])
     return float(force)

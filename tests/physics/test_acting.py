@@ -107,7 +107,8 @@ def test_machine_code_says_what_python_says(scene: Scene, planted: Planted) -> N
         q, v, u = rng.normal(size=(3, JOINTS))
         now = (0.3 + step * h, h)
         own = by_python.own[0], by_machine.own[0]
-        want = by_python.law.acts(dof, q, v, u, *now, by_python.theta[0], own[0])
+        state = np.tile(q, 2), np.tile(v, 2), u  # drives are on no rotors
+        want = by_python.law.acts(dof, *state, *now, by_python.theta[0], own[0])
         got = called(by_machine, q, v, u, *now)
         np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(*own, rtol=1e-12, atol=1e-15)

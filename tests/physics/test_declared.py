@@ -28,7 +28,7 @@ ALIKE = (
         "joint.backlash", "sensor.offset",
     ),
     ("joint.armature", "body.inertia"),
-    ("body.force", "body.tether"),
+    ("body.force", "body.tether", "world.gravity"),
     ("body.mass", "body.com", "body.payload_fixed", "body.payload_moving"),
 )  # fmt: skip
 ALWAYS = {

@@ -157,7 +157,7 @@ def _advance(
     laws: np.ndarray,
     dofs: np.ndarray,
     figures: np.ndarray,
-    own: np.ndarray,
+    sides: np.ndarray,
     controls: np.ndarray,
     machine: tuple[int, int, int, int],
     state: tuple[np.ndarray, ...],
@@ -172,9 +172,10 @@ def _advance(
         extra: forces beside those of laws, (steps, nv) [N·m or N].
         wrenches: forces and torques on all bodies, (steps, 6 nbody or 0 for none) [N, N·m].
         laws: address of the law of each place, (places,).
-        dofs: degree of freedom that each acts on, (places,).
+        dofs: degree of freedom, or drives' side of its joint, that each acts on, (places,).
         figures: addresses of the parameters and of what else is its own of each, (places, 2).
-        own: addresses of the machine's joints in qpos and qvel of the patched model, (nv,).
+        sides: addresses of the machine's joints in qpos and qvel of the patched model, and behind
+            them of their drives' sides, (2 nv,).
         controls: the command that each of its controls takes.
         machine: addresses of :mod:`wt.physics.caught`'s step, of the patched model, of its data and
             of a landing.
@@ -183,30 +184,34 @@ def _advance(
         path: where it is before each step, and behind the last, (steps + 1, 2 nv): written; NaN
             behind where it has exploded.
     """
-    nv, steps = len(own), len(t)
+    nv, steps = len(sides) // 2, len(t)
     step, model, data, landing = machine
     qpos, qvel, ctrl, applied, xfrc, warned = state
+    now = np.empty((2, 2 * nv))
+    q_now, v_now = now[0].ctypes.data, now[1].ctypes.data
     for k in range(steps):
+        for j in range(2 * nv):
+            now[0, j], now[1, j] = qpos[sides[j]], qvel[sides[j]]
+            applied[sides[j]] = 0.0
         for j in range(nv):
-            path[k, j], path[k, nv + j] = qpos[own[j]], qvel[own[j]]
-            applied[own[j]] = extra[k, j]
+            path[k, j], path[k, nv + j] = now[0, j], now[1, j]
+            applied[sides[j]] = extra[k, j]
         for c in range(len(controls)):
             ctrl[c] = u[k, controls[c]]
         for w in range(wrenches.shape[1]):
             xfrc[w] = wrenches[k, w]
-        q_now, u_now = path[k].ctypes.data, u[k].ctypes.data
-        v_now = q_now + nv * path.strides[1]
+        u_now = u[k].ctypes.data
         for i in range(len(laws)):
             theta, rest = figures[i]
             force = _call(laws[i], dofs[i], q_now, v_now, u_now, t[k], h, theta, rest)
-            applied[own[dofs[i]]] += force
+            applied[sides[dofs[i]]] += force
         if _step(step, model, data, landing) != 0:
             return False
         if warned.any():  # it has been set back, and steps from there say nothing
             path[k + 1 :] = np.nan
             return True
     for j in range(nv):
-        path[steps, j], path[steps, nv + j] = qpos[own[j]], qvel[own[j]]
+        path[steps, j], path[steps, nv + j] = qpos[sides[j]], qvel[sides[j]]
     return True
 
 

@@ -102,6 +102,15 @@ class Job:
         return np.array([self.model.joint(name).dofadr[0] for name in self.scene.joints])
 
     @functools.cached_property
+    def sides(self) -> Int[np.ndarray, " side"]:
+        """:attr:`own`, and behind them their drives' sides: a rotor, where the patch gave one."""
+        motors = self.own.copy()
+        for drive in self.scene.drives:
+            joint = self.model.actuator(drive.name).trnid[0]
+            motors[drive.dof] = self.model.jnt_dofadr[joint]
+        return np.concatenate([self.own, motors])
+
+    @functools.cached_property
     def controls(self) -> Int[np.ndarray, " control"]:
         """For each control of the patched model the index of the user's actuator it belongs to."""
         m, given = self.model, self.scene.model

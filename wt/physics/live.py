@@ -24,7 +24,8 @@ Values = np.ndarray
 Acts = Callable[[int, Values, Values, Values, float, float, Values, Values], float]
 """Generalised force on a degree of freedom at a physics step [N·m or N]. Its arguments:
 
-the degree of freedom; joint positions, joint velocities and commands in force, of all; time since
+the degree of freedom; joint positions and joint velocities of all, and behind them those of their
+drives' sides (:func:`wt.physics.driving.motor_side`); commands in force, of all; time since
 the start of the recording and length of the step [s]; the law's parameters at this place; what else
 is this place's own, which it may change.
 """
@@ -59,7 +60,7 @@ class Live:
 
     Attributes:
         law: what it does at each.
-        dofs: degree of freedom that it acts on.
+        dofs: degree of freedom that it acts on, or the drives' side of its joint.
         theta: parameters.
         own: what else is each place's own: constants, and what it remembers between steps.
     """

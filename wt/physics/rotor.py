@@ -61,8 +61,10 @@ def split(spec: mujoco.MjSpec, joint: str, losses: float) -> tuple[float, mujoco
     turning = {"type": link.type, "axis": given.axis, "pos": given.pos, "armature": inertia}
     lossy = {"frictionloss": losses * friction, "damping": losses * damping}
     add_joint(spec, carrier, name, **turning, **lossy)
+    passive = int(mujoco.mjtCtrlInput.mjINPUT_NONE)  # of no drive: as friction is, at the link
     for actuator in spec.actuators:
-        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target == joint:
+        on_joint = actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target == joint
+        if on_joint and actuator.ctrlspec != passive:
             actuator.target = name
     tendon = add_tendon(spec, f"{joint}_gear")
     tendon.wrap_joint(name, 1.0)

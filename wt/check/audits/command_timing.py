@@ -49,6 +49,7 @@ class CommandTiming:
         names = tuple(f"ctrl/{row.drive.name}" for row in balance.rows)
         elements = tuple(f"actuator {row.drive.name}" for row in balance.rows)
         dt = balance.signals.dt
+        gain = gain if _several(balance, lead) else 0.0
         if gain >= _DECISIVE and 0.2 < lead < 0.75 and dt >= _SLOW_S and not agreed:
             yield AuditFinding(
                 "command_rate",
@@ -73,15 +74,30 @@ class CommandTiming:
             )
 
 
-def _total(balance: Balance, lead: float) -> float:
-    """What is left of the commands if they come so many samples earlier, as a mean logarithm.
+def _left(balance: Balance, lead: float) -> Float[np.ndarray, " row"]:
+    """What is left of each command if all come so many samples earlier, as a logarithm.
 
     Beside what a joint may lack: where a spring is missing, the command that holds against it looks
     like one that goes ahead of the motion.
     """
     s = balance.signals
     moved = replace(s, u=s.u + lead * s.dt * s.du)
-    return float(np.log(balance.on(moved).unexplained(lenient=True) + 1e-7).mean())
+    return np.asarray(np.log(balance.on(moved).unexplained(lenient=True) + 1e-7))
+
+
+def _total(balance: Balance, lead: float) -> float:
+    """The mean of it."""
+    return float(_left(balance, lead).mean())
+
+
+def _several(balance: Balance, lead: float) -> bool:
+    """Tell whether a lead explains more of at least two drives' motion, or of the only one's.
+
+    A log has all commands early. A drive that feeds the velocity of its command forward answers as
+    if its own came early, and the others, which do not move with it, as they should.
+    """
+    gained = _left(balance, 0.0) - _left(balance, lead) > _ALIKE
+    return bool(gained.sum() >= min(2, len(gained)))
 
 
 def _periods(balance: Balance) -> int:

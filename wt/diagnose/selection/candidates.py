@@ -135,9 +135,14 @@ def _first_of_each(ranked: Sequence[Scored], label: Callable[[Scored], Hashable]
 
 
 def near(screen: Screen, at: Location) -> list[Location]:
-    """Places that may be at fault instead: a joint, its drives and link; a link and the next."""
+    """Places that may be at fault instead: a joint, its drives and link; a link and the next.
+
+    For the world every link.
+    """
     scene = screen.motion.scene
     m = scene.model
+    if at.kind == "world":
+        return [at, *(Location("body", name) for name in scene.moving)]
     if at.kind == "body" and at.name != "all":
         body = m.body(at.name).id
         ids = {name: m.body(name).id for name in scene.moving}

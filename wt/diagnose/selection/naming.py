@@ -261,23 +261,36 @@ class Naming:
         named = self._with_unknown(proven)
         hypothesis = proven.estimated.hypothesis
         curves = curves_in_disguise(self.objective, self.holdout, hypothesis, self.step, self.log)
-        doubtful = [
+        doubtful = {
             i
             for i in range(len(proven.accepted))
             if i in curves.replaced or self._doubtful(proven, i)
-        ]
-        if not doubtful:
-            return named
-        rest = tuple(a for i, a in enumerate(proven.accepted) if i not in doubtful)
-        others = self.proven(rest, known={a.planted.key for a in rest})
-        unnamed = self._with_unknown(replace(others, events=proven.events), curves)
-        if self._better(unnamed, named, bool(curves)):
-            return unnamed
-        for i in doubtful:
-            reason = "nothing without a name is proven to predict held-out recordings better"
-            laws = float(len(unnamed.unknown))
-            self.log.add(hypothesis[i], "doubted", True, laws, 1.0, reason)
+        }
+        crowded = self._crowded(named)
+        for given_up in filter(None, dict.fromkeys(map(frozenset, (doubtful | crowded, doubtful)))):
+            rest = tuple(a for i, a in enumerate(proven.accepted) if i not in given_up)
+            others = self.proven(rest, known={a.planted.key for a in rest})
+            unnamed = self._with_unknown(replace(others, events=proven.events), curves)
+            if self._better(unnamed, named, bool(curves), bool(given_up & crowded)):
+                return unnamed
+            for i in sorted(given_up):
+                reason = "nothing without a name is proven to predict held-out recordings better"
+                laws = float(len(unnamed.unknown))
+                self.log.add(hypothesis[i], "doubted", True, laws, 1.0, reason)
         return named
+
+    def _crowded(self, named: Claims) -> set[int]:
+        """Names at joints that err although something unknown was learned beside several of them.
+
+        They may stand in for one law together, each for a part that it says better than others do.
+        """
+        objective, scene = self.objective, self.objective.scene
+        if not named.unknown:
+            return set()
+        erring = erring_joints(objective, objective.reference(named.hypothesis))
+        dofs = {scene.dof(u.planted.at.name) for u in named.unknown} & set(erring)
+        at = [scene.dof_at(a.planted.at) for a in named.accepted]
+        return {i for i, dof in enumerate(at) if dof in dofs and at.count(dof) > 1}
 
     def _uncertain(self, estimated: Estimated) -> int | None:
         """Index of an effect that some recording contradicts, or else that may as well be nothing.
@@ -368,14 +381,18 @@ class Naming:
         self.log.add(planted, "doubted", not doubtful, rivalry.ratio, THRESHOLDS.doubtful, reason)
         return doubtful
 
-    def _better(self, unnamed: Claims, named: Claims, curves: bool = False) -> bool:
+    def _better(
+        self, unnamed: Claims, named: Claims, curves: bool = False, crowded: bool = False
+    ) -> bool:
         """True if an unnamed law predicts held-out data better, significantly and materially.
+
+        It is none if it says what the names say; of several that are crowded, none says it.
 
         Times that were read off the held-out data, too, predict nothing, and names with such among
         them predict less than they seem to: in their place the law has to be no worse. So it has
         in place of curves in disguise.
         """
-        if not unnamed.unknown or (not curves and self._theirs(unnamed, named)):
+        if not unnamed.unknown or not (curves or crowded or not self._theirs(unnamed, named)):
             return False
         replaced = _replaced(unnamed, named)
         read_off = bool(replaced) and all(p.observed() for p in replaced)

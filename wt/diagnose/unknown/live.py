@@ -25,7 +25,7 @@ from wt.physics.live import Live, Values, in_laws
 from wt.physics.scene import Scene
 from wt.types import Location
 
-_HEAD, _COLUMN, _ATOM, _TERM = 3, 16, 5, 3  # figures of each row
+_HEAD, _COLUMN, _ATOM, _TERM = 3, 17, 5, 3  # figures of each row
 _TIME, _POSITION, _VELOCITY, _COMMAND, _FORCE, _CREEP, _SWING, _SWING_RATE = range(8)
 _RECORDED = {"t": _TIME, "qpos": _POSITION, "qvel": _VELOCITY, "ctrl": _COMMAND, "force": _FORCE}
 _REMEMBERED = {"creep": _CREEP, "swing": _SWING, "swing_rate": _SWING_RATE}
@@ -70,7 +70,7 @@ def _column(law: Law, i: int, scene: Scene, h: float) -> Float[np.ndarray, " fig
         row[6:14], row[14:] = memory.transition(h).ravel(), np.nan
     elif kind == "force":
         drive = scene.drive(place)
-        row[:2], row[6:] = (_FORCE, drive.dof), figures(drive)
+        row[:2], row[6:] = (_FORCE, drive.dof), figures(scene, drive)
     elif kind == "ctrl":
         row[:2] = _COMMAND, scene.model.actuator(place).id
     else:
@@ -112,7 +112,7 @@ def _value_of(own: Values, at: int, q: Values, v: Values, u: Values, t: float) -
     if kind >= _CREEP:
         return _remembered(own, at + 6, kind, q[index], v[index])
     if kind == _FORCE:
-        return force_of(own, at + 6, q[index], v[index], u)
+        return force_of(own, at + 6, q, v, u)
     if kind == _COMMAND:
         return u[index]
     if kind == _TIME:

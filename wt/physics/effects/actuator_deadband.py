@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.driving import between, dofs_of, driven, force_of
+from wt.physics.driving import between, driven, force_of, sides_of
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import noticeable
 from wt.physics.hooks import OnSteps
@@ -23,7 +23,7 @@ from wt.types import Location
 def _swallowed(
     dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
 ) -> float:
-    return -between(force_of(own, 0, q[dof], v[dof], u), -theta[0], theta[0])
+    return -between(force_of(own, 0, q, v, u), -theta[0], theta[0])
 
 
 @register
@@ -67,7 +67,7 @@ class ActuatorDeadband(OnSteps):
         h: float,
     ) -> Live:
         """Take the swallowed force off."""
-        return Live(_swallowed, dofs_of(scene, at), theta, driven(scene, at))
+        return Live(_swallowed, sides_of(scene, at), theta, driven(scene, at))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the swallowed force off."""

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.signal import lfilter
 
-from wt.physics.driving import dofs_of, driven, force_of
+from wt.physics.driving import driven, force_of, sides_of
 from wt.physics.effect import LEAST, Parameter, Shape, register
 from wt.physics.hooks import FromRecordings, OnSteps
 from wt.physics.live import Law, Live, Values
@@ -31,7 +31,7 @@ def _lost(
     dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
 ) -> float:
     loss, tau, rated, usual = theta[0], theta[1], own[1], own[2]
-    force = force_of(own, 3, q[dof], v[dof], u)
+    force = force_of(own, 3, q, v, u)
     if math.isnan(own[0]):  # what came before is taken as the load in the recordings
         own[0] = -math.expm1(-t / tau) * ((usual / rated) ** 2 if usual else 1.0)
     lost = loss * min(own[0], _HOTTEST) * force
@@ -119,7 +119,7 @@ class ActuatorFade(FromRecordings, OnSteps):
         """Take the lost force off."""
         cold = np.full(len(at), np.nan)
         own = np.column_stack([cold, self._load(theta), np.full(len(at), self.usual)])
-        return Live(_lost, dofs_of(scene, at), theta, np.hstack([own, driven(scene, at)]))
+        return Live(_lost, sides_of(scene, at), theta, np.hstack([own, driven(scene, at)]))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Take the lost force off, with the heat as a hidden state."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.driving import between, dofs_of, driven, force_of
+from wt.physics.driving import between, driven, force_of, sides_of
 from wt.physics.effect import LEAST, Parameter, Shape, register
 from wt.physics.effects.actuator_saturation import narrow
 from wt.physics.hooks import Intervals, Nested, OnSteps
@@ -24,7 +24,7 @@ from wt.types import Location
 def _lacking(
     dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
 ) -> float:
-    force = force_of(own, 0, q[dof], v[dof], u)
+    force = force_of(own, 0, q, v, u)
     return _limited(force, v[dof], theta[0], theta[1]) - force
 
 
@@ -97,7 +97,7 @@ class ActuatorSpeedLimit(Nested, OnSteps):
         h: float,
     ) -> Live:
         """Clip the force at every step."""
-        return Live(_lacking, dofs_of(scene, at), theta, driven(scene, at))
+        return Live(_lacking, sides_of(scene, at), theta, driven(scene, at))
 
     def script(self, at: Location, theta: Float[np.ndarray, " parameter"]) -> Script:
         """Clip the force at every step."""

@@ -26,7 +26,7 @@ _NEGLIGIBLE = 0.05  # share of the constant part that the load must add to count
 def _loaded(
     dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
 ) -> float:
-    load = force_of_all(own, BRISTLE, q[dof], v[dof], u)
+    load = force_of_all(own, BRISTLE, q, v, u)
     return brake(theta[0] + theta[1] * abs(load), v[dof], h, own)
 
 

@@ -38,7 +38,7 @@ _SEEN = 0.05
 def _lossy(
     dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
 ) -> float:
-    force = force_of_all(own, BRISTLE, q[dof], v[dof], u)
+    force = force_of_all(own, BRISTLE, q, v, u)
     always = theta[2] + theta[3] * abs(v[dof])
     # forward a positive force drives, and is driven backward
     ahead = always + max(theta[0] * force, -theta[1] * force)

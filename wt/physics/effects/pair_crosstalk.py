@@ -26,8 +26,7 @@ _LEAST = 0.02
 def _leaking(
     dof: int, q: Values, v: Values, u: Values, t: float, h: float, theta: Values, own: Values
 ) -> float:
-    first = int(own[0])
-    return theta[0] * force_of_all(own, 1, q[first], v[first], u)
+    return theta[0] * force_of_all(own, 0, q, v, u)
 
 
 @register
@@ -70,8 +69,7 @@ class PairCrosstalk(OnSteps):
     ) -> Live:
         """Add the fraction of the force."""
         pairs = np.array([[scene.dof(name) for name in place.name.split("+")] for place in at])
-        own = np.hstack([pairs[:, :1], all_drives(scene, pairs[:, 0])])
-        return Live(_leaking, pairs[:, 1], theta, own)
+        return Live(_leaking, pairs[:, 1], theta, all_drives(scene, pairs[:, 0]))
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]

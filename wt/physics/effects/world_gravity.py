@@ -28,6 +28,7 @@ class WorldGravity(Effect):
     )
     reference = "MuJoCo XML reference, option/gravity"
     signed = (0, 0)
+    looks_like = ("pull",)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """Linear, if there is gravity."""
