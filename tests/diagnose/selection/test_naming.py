@@ -180,3 +180,26 @@ def test_of_a_name_that_is_doubted_and_kept_the_last_word_is_that_it_stays(
     assert proofs._doubted(named) is named
     said = [(d.stage, d.kept) for d in log if d.effect == "joint.friction_coulomb"]
     assert said == [("doubted", False), ("doubted", True)]
+
+
+def test_several_names_that_fall_short_beside_something_unknown_are_doubted_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nothing, log = world(tmp_path, 2, None, 2.5), DecisionLog()
+    replays = nothing.objective
+    proofs = Naming(nothing.screen, replays, replays, lambda: replays, nothing.held, STEP, 0, log)
+    two_at_one = found_at(
+        ("joint.friction_viscous", "j1", 0.01),
+        ("joint.armature", "j1", 0.01),
+        ("joint.friction_viscous", "j2", 0.01),
+    )
+    force = Law(
+        ("qvel/j1",), np.array([-1.0]), np.array([1.0]), ((Atom(0, "linear"),),), np.ones(1)
+    )
+    for joint, errs, doubted in (("j1", [0, 1], {0, 1}), ("j2", [0, 1], set()), ("j1", [1], set())):
+        monkeypatch.setattr(naming, "erring_joints", lambda *_, errs=errs: errs)
+        law = Planted(UnknownForce(force, ""), Location("joint", joint), np.ones(1))
+        estimated = estimate(replays, tuple(a.planted for a in two_at_one))
+        beside = Mock(spec=Unknown, planted=law)
+        claims = Claims(two_at_one, estimated, (), (beside,))
+        assert proofs._crowded(claims) == doubted
