@@ -154,7 +154,7 @@ def left(of: Recorded, hypothesis: Hypothesis) -> Left:
     scene, effort = of.scene, effort_of(of.scene)
     whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
-    replayed = prepare_holdout(whole, forgetting, step=effort.step, window=window)
+    replayed = prepare_holdout(whole, forgetting, window=window)
     here = tuple(p.elsewhere(whole.motion) for p in hypothesis)
     joints = tuple(scene.own_joints)
     dofs = [scene.dof(name) for name in joints]

@@ -33,9 +33,10 @@ from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.events import Event, events
-from wt.diagnose.selection.holdout import Holdout, errors, prove
+from wt.diagnose.selection.holdout import Holdout, errors
 from wt.diagnose.selection.locate import locate
 from wt.diagnose.selection.naming import Naming
+from wt.diagnose.selection.proof import prove
 from wt.diagnose.selection.search import search
 from wt.diagnose.selection.verdict import (
     findings,

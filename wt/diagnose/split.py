@@ -83,8 +83,10 @@ class Split:
     @functools.cached_property
     def held(self) -> Callable[[float, float | None], Holdout]:
         """See :func:`prepare_holdout`: so many seconds, in windows of a length; prepared once."""
-        of, step = (self.held_out, self.forgetting), self.effort.step
-        return functools.cache(lambda seconds, window: prepare_holdout(*of, seconds, step, window))
+        of = self.held_out, self.forgetting
+        return functools.cache(
+            lambda seconds, window: prepare_holdout(*of, seconds, window, self.steps(window))
+        )
 
     def replays(
         self,

@@ -28,7 +28,8 @@ from wt.diagnose.recordings.prepare import GIVEN, Source, unsplit
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.recordings.stretches import forgets, stretches_of
 from wt.diagnose.result import Proof
-from wt.diagnose.selection.holdout import prepare_holdout, prove
+from wt.diagnose.selection.holdout import prepare_holdout
+from wt.diagnose.selection.proof import prove
 from wt.errors import WorkError
 from wt.mjcf.edit import patched_xml
 from wt.physics.effect import effects

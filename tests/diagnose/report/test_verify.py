@@ -18,7 +18,8 @@ from wt.diagnose.report.handed_over import HandedOver, hand_over
 from wt.diagnose.report.verify import replayed_files, verify
 from wt.diagnose.report.write import write
 from wt.diagnose.result import Diagnosis
-from wt.diagnose.selection.holdout import errors, prove
+from wt.diagnose.selection.holdout import errors
+from wt.diagnose.selection.proof import prove
 from wt.errors import UserError, WorkError
 from wt.mjcf import plain
 from wt.physics.effect import effects

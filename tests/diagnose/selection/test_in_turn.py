@@ -66,7 +66,7 @@ def test_a_single_effect_is_compared_with_none(tmp_path: Path) -> None:
 def held_out(some: Objective, swing: float) -> Holdout:
     """Another recording of the same chain."""
     parts = [Part(record(MADE_BY, None, 16.0, 7, swing), 0)]
-    return prepare_holdout(smooth(some.scene, parts), True, step=STEP)
+    return prepare_holdout(smooth(some.scene, parts), True)
 
 
 @pytest.mark.parametrize("swing", [0.0, 0.3])

@@ -1,15 +1,13 @@
-"""Proof on recordings that nothing was fitted to: before, after, and how certain that is."""
+"""Held-out recordings, replayed: what an effect gains on them, and how certain that is."""
 
 from __future__ import annotations
 
 import functools
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.stats import bootstrap
 
 from wt.diagnose.likelihood.adapt import (
     FARTHEST,
@@ -20,20 +18,17 @@ from wt.diagnose.likelihood.adapt import (
     responses,
 )
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.recordings.samples import Samples
+from wt.diagnose.likelihood.replays import Replays
+from wt.diagnose.likelihood.steps import Steps
 from wt.diagnose.recordings.smooth import Smoothed
-from wt.diagnose.recordings.stretches import BURN_IN_S, cut, stretches_of
+from wt.diagnose.recordings.stretches import BURN_IN_S, stretches_of
 from wt.diagnose.residual.signature import elsewhere
-from wt.diagnose.result import Error, Proof
 from wt.diagnose.selection.ranks import signed_rank
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Stretch
 from wt.physics.rollout import Replayer
-from wt.physics.units import units_at
-from wt.types import Location
 
-HORIZONS_S = (0.1, 0.25, 0.5, 1.0, 2.0)
 _BLOCK_S, _BLOCKS = (0.25, 1.0), 24
 """Shortest and longest block [s], and how many there should be: errors remember for less."""
 _TOUCHED = 1e-3
@@ -44,7 +39,6 @@ _ALL_BUT_FEW = 8
 """Ways to be no less extreme, of 2ⁿ signs of n ranks, if the least three may have either sign."""
 RAN_AWAY = 1.0
 """Error that a replay counts with after it exploded [rad or m]."""
-_RESAMPLES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +54,7 @@ class Holdout:
         forgets: whether stretches are long.
         known: what other initial states change in replays, (N, nv, m), by the added joints of the
             hypothesis: what else is in it is taken not to matter where a base floats.
+        steps: those that do for what is different between hypotheses; None where nothing is known.
     """
 
     smoothed: Smoothed
@@ -71,11 +66,28 @@ class Holdout:
     known: dict[frozenset[str], Float[np.ndarray, "sample dof change"]] = field(
         default_factory=dict
     )
+    steps: Steps | None = None
 
     @functools.lru_cache(maxsize=4)  # noqa: B019 – lives and dies with a diagnosis
     def replayer(self, step: float) -> Replayer:
         """Its replays at steps of so long [s], which are asked for one effect after another."""
         return Replayer(self.smoothed.motion.scene, self.stretches, step)
+
+    @functools.lru_cache(maxsize=4)  # noqa: B019 – likewise
+    def _coarse(self, step: float, steps: Steps) -> Replays:
+        """Its replays at steps that do for differences; where a law is stiff, of so long [s]."""
+        scene = self.smoothed.motion.scene
+        return Replays(scene, self.stretches, step, steps.at_least(step))
+
+    def side_by_side(
+        self, hypotheses: Sequence[Hypothesis], step: float
+    ) -> Float[np.ndarray, "hypothesis sample dof"]:
+        """Positions of replays: of the first, and of others by what is different from it."""
+        if self.steps is None or not self.forgets:
+            return self.replayer(step).run(hypotheses).q
+        replays = self._coarse(step, self.steps)
+        replays.around(hypotheses[0], [])
+        return replays.run(hypotheses)
 
     def response(
         self, hypothesis: Hypothesis, replayer: Replayer
@@ -98,10 +110,10 @@ def prepare_holdout(
     smoothed: Smoothed,
     forgets: bool,
     seconds: float = np.inf,
-    step: float = 5e-4,
     window: float | None = None,
+    steps: Steps | None = None,
 ) -> Holdout:
-    """Prepare held-out recordings, as :func:`stretches_of` cuts them, for steps of so long [s]."""
+    """Prepare held-out recordings, as :func:`stretches_of` cuts them; see :class:`Holdout`."""
     pairs = stretches_of(smoothed, forgets, seconds, window=window)
     stretches = tuple(s for s, _ in pairs)
     label = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(stretches)])
@@ -110,7 +122,7 @@ def prepare_holdout(
     if forgets:
         settling = np.concatenate([s.t < s.t[0] + BURN_IN_S for s in stretches])
         measured[settling] = np.nan
-    return Holdout(smoothed, stretches, measured, block, fine, forgets)
+    return Holdout(smoothed, stretches, measured, block, fine, forgets, steps=steps)
 
 
 def blocks_of(
@@ -141,8 +153,7 @@ def errors(
     """
     here = [holdout.here(h) for h in hypotheses]
     replayer = holdout.replayer(step)
-    q = replayer.run(here).q
-    replay_errors = np.where(np.isfinite(q), q, holdout.measured + RAN_AWAY) - holdout.measured
+    replay_errors = _missed(holdout, replayer.run(here).q)
     if holdout.forgets:
         return replay_errors
     measured = np.isfinite(holdout.measured)
@@ -155,6 +166,26 @@ def errors(
             for e, r in zip(replay_errors, response, strict=True)
         ]
     )
+
+
+def _compared(
+    holdout: Holdout, hypotheses: Sequence[Hypothesis], step: float
+) -> Float[np.ndarray, "hypothesis sample dof"]:
+    """Errors as :func:`errors`, of hypotheses that are judged by how they differ.
+
+    As in a search, only the first takes fine steps: of many effects each is left out once.
+    """
+    if not holdout.forgets:
+        return errors(holdout, hypotheses, step)
+    here = [holdout.here(h) for h in hypotheses]
+    return _missed(holdout, holdout.side_by_side(here, step))
+
+
+def _missed(
+    holdout: Holdout, q: Float[np.ndarray, "hypothesis sample dof"]
+) -> Float[np.ndarray, "hypothesis sample dof"]:
+    """Errors of replays' positions, those of what exploded as large as they count."""
+    return np.where(np.isfinite(q), q, holdout.measured + RAN_AWAY) - holdout.measured
 
 
 def _begun(
@@ -209,7 +240,7 @@ def gains(
     holdout: Holdout, hypothesis: Hypothesis, without: Sequence[Hypothesis], step: float
 ) -> list[Gain]:
     """Held-out gain of a hypothesis over each of some lesser ones; p-values pay for all."""
-    return gains_of(holdout, errors(holdout, [hypothesis, *without], step))
+    return gains_of(holdout, _compared(holdout, [hypothesis, *without], step))
 
 
 def gains_of(
@@ -261,7 +292,7 @@ def _best_gains(
 ) -> tuple[Hypothesis, list[Gain]]:
     """The first, and its gains over the others: of each the form that errs less."""
     plain, corrected = zip(*each, strict=True)
-    both = errors(holdout, [*plain, *corrected], step)
+    both = _compared(holdout, [*plain, *corrected], step)
     pairs = both.reshape(2, len(each), *both.shape[1:]).swapaxes(0, 1)
     left = [np.nansum(scaled(p, holdout.smoothed.noise) ** 2, axis=(1, 2)) for p in pairs]
     better = np.argmin(left, axis=1)
@@ -288,7 +319,7 @@ def gain_of(
     blocks: tuple[Int[np.ndarray, " sample"], Int[np.ndarray, " sample"]],
 ) -> Gain:
     """Gain in scaled errors (N, nv), tested over blocks (N,): those wanted, or the shortest."""
-    pairs = [(_block_sums(less**2, b), _block_sums(full**2, b)) for b in blocks]
+    pairs = [(block_sums(less**2, b), block_sums(full**2, b)) for b in blocks]
     for one, other in pairs:
         difference = one - other
         if not np.isfinite(difference).all() or len(difference) < 3 or not difference.any():
@@ -321,110 +352,10 @@ def _tested(difference: Float[np.ndarray, " block"]) -> Bool[np.ndarray, " block
     return most if most.mean() < _SELDOM else np.ones(len(size), bool)
 
 
-def prove(
-    holdout: Holdout,
-    hypothesis: Hypothesis,
-    step: float,
-    split: str,
-    seed: int = 0,
-    files: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
-) -> Proof:
-    """Compare the given and the patched model on held-out recordings.
-
-    Args:
-        holdout: the recordings.
-        hypothesis: what was found.
-        step: physics step of replays [s].
-        split: how the recordings were chosen, in words.
-        seed: of the interval.
-        files: errors, (N, nv), of plain replays of the model as given, of the written files
-            together, and of the written MJCF alone; without them, the search's own are taken.
-    """
-    before, after = files[:2] if files else errors(holdout, [(), hypothesis], step)
-    alone = files[2] if files else after
-    noise = np.nan_to_num(holdout.smoothed.noise)
-    scene = holdout.smoothed.motion.scene
-    used = [j for j in range(len(scene.joints)) if np.isfinite(holdout.measured[:, j]).any()]
-    overall = _error(before[:, used], after[:, used], noise[used], holdout.block, seed)
-    per_joint = {
-        scene.joints[j]: _error(before[:, [j]], after[:, [j]], noise[[j]], holdout.block, seed)
-        for j in used
-    }
-    model_only = _error(before[:, used], alone[:, used], noise[used], holdout.block, seed)
-    ahead = {h: _ahead(holdout, hypothesis, step, h) for h in HORIZONS_S}
-    of_unit = defaultdict[str, list[int]](list)
-    for j in used:
-        of_unit[units_at(scene, Location("joint", scene.joints[j])).position].append(j)
-    horizons = {
-        unit: {h: _before_after(errors[:, :, which]) for h, errors in ahead.items()}
-        for unit, which in of_unit.items()
-    }
-    return Proof(overall, per_joint, horizons, split=split, model_only=model_only)
-
-
-def _error(
-    before: Float[np.ndarray, "sample joint"],
-    after: Float[np.ndarray, "sample joint"],
-    noise: Float[np.ndarray, " joint"],
-    block: Int[np.ndarray, " sample"],
-    seed: int,
-) -> Error:
-    a, b = _block_sums(before**2, block), _block_sums(after**2, block)
-    count = _block_sums(np.isfinite(before).astype(float), block)
-    rms = [float(np.sqrt(x.sum() / max(count.sum(), 1.0))) for x in (a, b)]
-    ratio = rms[1] / max(rms[0], 1e-12)
-    interval = (ratio, ratio)
-    if len(a) >= 4 and np.isfinite(b).all():
-        resampled = bootstrap(
-            (a, b),
-            lambda x, y, axis=-1: np.sqrt(y.sum(axis=axis) / np.maximum(x.sum(axis=axis), 1e-30)),
-            paired=True,
-            vectorized=True,
-            n_resamples=_RESAMPLES,
-            method="percentile",
-            rng=np.random.default_rng(seed),
-        ).confidence_interval
-        interval = (float(resampled.low), float(resampled.high))
-    floor = float(np.sqrt(np.mean(noise**2)))
-    return Error(rms[0], rms[1], floor, ratio, interval)
-
-
-def _block_sums(
+def block_sums(
     values: Float[np.ndarray, "sample joint"], block: Int[np.ndarray, " sample"]
 ) -> Float[np.ndarray, " block"]:
     """Sum of (N, n) values, NaN left out, over each block, (B,)."""
     sums = np.zeros(int(block.max()) + 1)
     np.add.at(sums, block, np.nansum(values, axis=1))
     return sums
-
-
-def _ahead(
-    holdout: Holdout, hypothesis: Hypothesis, step: float, horizon: float
-) -> Float[np.ndarray, "2 sample joint"]:
-    """Errors of replays restarted every ``horizon`` seconds, before and after."""
-    stretches, measured = [], []
-    for i, s in enumerate(holdout.smoothed.samples):
-        for first, last in _windows(s, horizon):
-            stretches.append(cut(holdout.smoothed, i, slice(first, last)))
-            measured.append(s.q[first:last])
-    q = (
-        Replayer(holdout.smoothed.motion.scene, stretches, step)
-        .run([(), holdout.here(hypothesis)])
-        .q
-    )
-    late = np.concatenate([np.arange(len(m)) > 0 for m in measured])
-    error: np.ndarray = (q - np.concatenate(measured))[:, late]
-    return error
-
-
-def _before_after(errors: Float[np.ndarray, "2 sample joint"]) -> tuple[float, float]:
-    before, after = np.sqrt(np.nanmean(errors**2, axis=(1, 2)))
-    return float(before), float(after)
-
-
-def _windows(s: Samples, horizon: float) -> list[tuple[int, int]]:
-    """Windows of a length, spread over a segment; about two over any moment, at most 60."""
-    size = max(2, round(horizon / s.dt) + 1)
-    count = int(np.clip(2 * len(s.t) // size, 1, 60))
-    starts = np.unique(np.linspace(0, max(len(s.t) - size, 0), count).astype(int))
-    return [(int(i), int(min(i + size, len(s.t)))) for i in starts]
