@@ -130,9 +130,9 @@ def test_linearised_again_as_long_as_replays_get_better(
     some = objective(smoothed(tmp_path, chain(2), chain(2)), True)
     linearised, times, met = some._linearised, [0], list[float]()
 
-    def counted(hypothesis: tuple[Planted, ...], anew: bool) -> Assessed:
+    def counted(hypothesis: tuple[Planted, ...], anew: bool, **given: object) -> Assessed:
         times[0] += 1
-        return linearised(hypothesis, anew)
+        return linearised(hypothesis, anew, **given)
 
     def better(error: np.ndarray, centre: np.ndarray) -> float:
         gains = [4.0, 3.0, 2.0, 0.0] if times[0] < 9 else [0.0] * 4
@@ -204,4 +204,25 @@ def test_what_tolerances_change_is_taken_over_from_one_effect_less(
     monkeypatch.setattr(some._nearby._replays, "around", linearised)
     taken, own = some.reference(both), other.reference(both)
     assert not linearised.call_args_list[0].args[1]
+    assert abs(taken.loglik - own.loglik) < 1.0
+
+
+def test_what_tolerances_change_is_taken_over_from_another_law_where_that_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rubbing = chain(2).replace('damping=".3"', 'damping=".3" frictionloss=".2"')
+    fit = smoothed(tmp_path, rubbing, chain(2))
+    some, other = objective(fit, True), objective(fit, True)
+
+    def law(name: str, joint: str, size: float) -> Planted:
+        return Planted(effects()[f"joint.{name}"], Location("joint", joint), np.array([size]))
+
+    dry, wet = law("friction_coulomb", "j2", 0.2), law("friction_viscous", "j2", 0.3)
+    known = (law("friction_coulomb", "j1", 0.2), dry)
+    some.reference(known)
+    linearised = Mock(wraps=some._nearby._replays.around)
+    monkeypatch.setattr(some._nearby._replays, "around", linearised)
+    taken = some.reference((known[0], wet), most=1, beside=known)
+    own = other.reference((known[0], wet), most=1)
+    assert [len(call.args[1]) for call in linearised.call_args_list] == [0]
     assert abs(taken.loglik - own.loglik) < 1.0

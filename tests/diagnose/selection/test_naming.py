@@ -108,7 +108,7 @@ def test_of_many_only_what_held_out_data_show_is_compared_with_lookalikes(
         return accepted, rest[0]
 
     monkeypatch.setattr(Lookalikes, "settled", settled)
-    monkeypatch.setattr(naming, "fitted", lambda replays, parts: replays.reference(parts))
+    monkeypatch.setattr(naming, "fitted", lambda replays, parts, *_: replays.reference(parts))
     replays = rubbing.objective
     proofs = Naming(rubbing.screen, replays, replays, lambda: replays, rubbing.held, STEP, 0, log)
     claims = proofs.proven(found)

@@ -77,9 +77,17 @@ class Estimated:
         return self.assessed.hypothesis
 
 
-def estimate(objective: Objective, start: Hypothesis) -> Estimated:
-    """Fit all effects together, down to noise, and estimate how well they are known."""
-    now = objective.reference(start)
+def estimate(
+    objective: Objective, start: Hypothesis, beside: Hypothesis | None = None
+) -> Estimated:
+    """Fit all effects together, down to noise, and estimate how well they are known.
+
+    Args:
+        objective: the replays.
+        start: the effects, with the parameters that they start from.
+        beside: effects with much the same tolerances, as before some have left.
+    """
+    now = objective.reference(start, beside=beside)
     if not start:
         return Estimated(now, ())
     parts, sharp = range(len(start)), objective.sharper()
@@ -116,9 +124,9 @@ def estimate(objective: Objective, start: Hypothesis) -> Estimated:
     return Estimated(now, tuple(estimates), combined)
 
 
-def fitted(objective: Objective, start: Hypothesis) -> Assessed:
+def fitted(objective: Objective, start: Hypothesis, beside: Hypothesis | None = None) -> Assessed:
     """All effects fitted together, without a word of how well they are known."""
-    now = objective.reference(start)
+    now = objective.reference(start, beside=beside)
     return _refined(objective, now, steps(objective, start, range(len(start))))[0] if start else now
 
 
@@ -152,7 +160,7 @@ def _refined(
         theta = pack(whole, parts)
         moved = (np.abs(theta - pack(before, parts)) > _NEAR * np.abs(theta) + smallest).any()
         if moved or own.any():
-            now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
+            now = objective.reference(whole, np.where(own, 0.0, now.tolerances), beside=before)
             best = max(best, now, key=lambda fit: fit.loglik)
         if not moved:
             break

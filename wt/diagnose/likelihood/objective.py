@@ -193,6 +193,7 @@ class Objective:
         hypothesis: Hypothesis,
         centre: Float[np.ndarray, " tolerance"] | None = None,
         most: int = _RELINEARISED,
+        beside: Hypothesis | None = None,
     ) -> Assessed:
         """Linearise what may adapt around a hypothesis, and assess it.
 
@@ -203,6 +204,8 @@ class Objective:
             hypothesis: the reference.
             centre: where the tolerances are believed [deviations]; as before if left out.
             most: linearisations.
+            beside: one whose tolerances change replays alike, as where one law is in the place of
+                another; the first linearisation takes these changes from there.
         """
         last = self._reference
         if centre is None and last and hypothesis == last.hypothesis:
@@ -210,7 +213,7 @@ class Objective:
         if centre is not None:
             self._around = replace(self._around, centre=np.where(self._able, centre, 0.0))
         for turn in range(min(most, self._relinearised)):
-            assessed = self._linearised(hypothesis, anew=turn > 0)
+            assessed = self._linearised(hypothesis, anew=turn > 0, beside=beside)
             here, goal = assessed.centre, np.where(self._able, assessed.tolerances, 0.0)
             (actual,) = self._replayed(hypothesis, [goal])
             apart = actual - assessed.error - self._around.moved(goal)
@@ -246,10 +249,12 @@ class Objective:
         variance = self.channels.variance(self._around.squares(error[None])[0].total)
         return self.channels.nats(variance) - 0.5 * float(centre @ centre)
 
-    def _linearised(self, hypothesis: Hypothesis, anew: bool = False) -> Assessed:
+    def _linearised(
+        self, hypothesis: Hypothesis, anew: bool = False, beside: Hypothesis | None = None
+    ) -> Assessed:
         """Linearise around a hypothesis and the present tolerances; see :meth:`Nearby.around`."""
         centre = self._around.centre
-        q, changes, response = self._nearby.around(hypothesis, centre, anew)
+        q, changes, response = self._nearby.around(hypothesis, centre, anew, beside)
         error, columns = self._errors(q), np.where(self.channels.valid, changes, 0.0)
         parts = self.channels.parts
         if self.forgets:

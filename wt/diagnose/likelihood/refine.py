@@ -116,7 +116,8 @@ def around_itself(
     """A fit refined with tolerances that are linear around itself; as it is if that is no better.
 
     It becomes the reference of the replays. Tolerances that hardly differ from those of another fit
-    are taken from there: limbs in which nothing is different are then replayed once for all.
+    are taken from there: limbs in which nothing is different are then replayed once for all. So is,
+    where drives hold a machine, what tolerances change.
 
     Args:
         objective: the replays.
@@ -127,7 +128,7 @@ def around_itself(
     """
     alike = np.abs(fit.tolerances - beside.tolerances) <= DEVIATION
     centre = np.where(alike, beside.tolerances, fit.tolerances)
-    again = objective.reference(fit.hypothesis, centre, most=1)
+    again = objective.reference(fit.hypothesis, centre, most=1, beside=beside.hypothesis)
     parts = [together(objective, again.hypothesis, new)]
     (again,) = refine(objective, [again.hypothesis], parts, iterations=2, known=known)
     return max(fit, again, key=lambda a: a.loglik)
@@ -190,6 +191,7 @@ def slopes_at(
     objective: Objective,
     now: Assessed,
     before: Float[np.ndarray, "sample dof parameter"] | None = None,
+    known: Slopes = NO_SLOPES,
 ) -> Float[np.ndarray, "sample dof parameter"]:
     """Derivatives in all parameters of a hypothesis, by differences that replays tell from nothing.
 
@@ -197,13 +199,14 @@ def slopes_at(
         objective: whose errors.
         now: where.
         before: derivatives somewhere near; taken here, by the smallest differences, if left out.
+        known: derivatives in some parts, that are taken as they are.
     """
     if not now.hypothesis:
         return np.zeros((*now.error.shape, 0))
     parts = [range(len(now.hypothesis))]
     if before is None:
-        (before,) = jacobian(objective, [now], parts)
-    return jacobian(objective, [now], parts, [before])[0]
+        (before,) = jacobian(objective, [now], parts, known=known)
+    return jacobian(objective, [now], parts, [before], known)[0]
 
 
 def slopes_of(
@@ -214,9 +217,12 @@ def slopes_of(
     return {hypothesis[i].key: slope[:, :, rows] for i, rows in everywhere}
 
 
-def all_slopes(objective: Objective, now: Assessed) -> Slopes:
-    """Derivatives in all parts of a hypothesis, by differences that replays tell from nothing."""
-    return slopes_of(now.hypothesis, slopes_at(objective, now))
+def all_slopes(objective: Objective, now: Assessed, known: Slopes = NO_SLOPES) -> Slopes:
+    """Derivatives in all parts of a hypothesis, by differences that replays tell from nothing.
+
+    Those that are known of some parts are taken as they are.
+    """
+    return slopes_of(now.hypothesis, slopes_at(objective, now, known=known))
 
 
 def rows_of(hypothesis: Hypothesis, parts: Sequence[int]) -> Iterator[tuple[int, slice]]:

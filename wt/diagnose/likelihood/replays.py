@@ -317,6 +317,7 @@ class Nearby:
         hypothesis: Sequence[Planted],
         centre: Float[np.ndarray, " tolerance"],
         anew: bool = False,
+        beside: Sequence[Planted] | None = None,
     ) -> tuple[
         Float[np.ndarray, "sample dof"],
         Float[np.ndarray, "tolerance sample dof"],
@@ -328,14 +329,17 @@ class Nearby:
             hypothesis: what to replay.
             centre: where the tolerances are.
             anew: whether what those of a hypothesis close by changed will not do.
+            beside: a hypothesis whose changes will do where none closer is known.
 
         Returns:
             (positions; what changes per deviation of each tolerance; what changes per deviation
             of each initial state, of no width if it is forgotten).
         """
         here = (*hypothesis, *self.rig(centre))
-        taken = self._taken(hypothesis)
+        taken = self._taken(hypothesis, beside)
         if taken and not (anew and not self._once):
+            if beside is not None:  # it is asked for again
+                self._keep(taken._replace(hypothesis=tuple(hypothesis)))
             return self._replays.around(here, [])[0], *taken[1:]
         moved = [
             (*hypothesis, *self.rig(centre + one)) if t.effect.correctable else (*here, t.planted)
@@ -346,21 +350,30 @@ class Nearby:
         response = np.zeros((*q.shape, 0))
         if self._remembers:
             response = responses(self._replays.of(here).slopes, here)
-        kept = [k for k in self._known if not self._close(k.hypothesis, hypothesis)]
-        room = 0 if self._once else _BYTES // (changes.nbytes + 1)
-        most = min(_KEPT, max(_LEAST, room))
-        self._known = [*kept[1 - most :], _Changes(tuple(hypothesis), changes, response)]
+        self._keep(_Changes(tuple(hypothesis), changes, response))
         return q, changes, response
 
-    def _taken(self, hypothesis: Sequence[Planted]) -> _Changes | None:
+    def _keep(self, changes: _Changes) -> None:
+        """Remember what is different near a hypothesis, in place of what was close to it."""
+        kept = [k for k in self._known if not self._close(k.hypothesis, changes.hypothesis)]
+        room = 0 if self._once else _BYTES // (changes.of_tolerances.nbytes + 1)
+        most = min(_KEPT, max(_LEAST, room))
+        self._known = [*kept[1 - most :], changes]
+
+    def _taken(
+        self, hypothesis: Sequence[Planted], beside: Sequence[Planted] | None
+    ) -> _Changes | None:
         """What is known of one close by.
 
         Or, where drives hold a machine, of one with an effect less or more: what that adds to a
-        motion hardly changes what the tolerances do.
+        motion hardly changes what the tolerances do. Nor, then, does one in the place of another:
+        whoever compares the two may name it.
         """
         close = [k for k in self._known if self._close(k.hypothesis, hypothesis)]
         if not close and not self._remembers:
             close = [k for k in self._known if _but_one(k.hypothesis, hypothesis)]
+        if not close and not self._remembers and beside is not None:
+            close = [k for k in self._known if self._close(k.hypothesis, beside)]
         return close[-1] if close else None
 
     def _close(self, one: Sequence[Planted], other: Sequence[Planted]) -> bool:

@@ -26,6 +26,7 @@ from wt.diagnose.likelihood.bic import (
 from wt.diagnose.likelihood.estimate import Estimated, estimate
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import (
+    NO_SLOPES,
     Slopes,
     around_itself,
     jacobian,
@@ -70,6 +71,22 @@ _FAR = 120.0
 the third."""
 
 
+class _Decided(NamedTuple):
+    """What was refined on deciding replays.
+
+    Attributes:
+        deciding: these.
+        hypothesis: what was found.
+        now: the same, refined.
+        slopes: its own.
+    """
+
+    deciding: Objective
+    hypothesis: Hypothesis
+    now: Assessed
+    slopes: Slopes
+
+
 @dataclass(frozen=True, eq=False)
 class Lookalikes:
     """Comparison of an effect with its lookalikes.
@@ -80,8 +97,7 @@ class Lookalikes:
         objective: replays of all of them.
         all_replays: makes replays of these and of the held-out recordings, once it is asked.
         log: grows by every decision.
-        decided: what was refined last on the deciding replays: these, a hypothesis, the hypothesis
-            as refined, and its slopes.
+        decided: what was refined last on the deciding replays, if anything was.
     """
 
     screen: Screen
@@ -89,7 +105,7 @@ class Lookalikes:
     objective: Objective
     all_replays: Callable[[], Objective]
     log: DecisionLog
-    decided: list[tuple[Objective, Hypothesis, Assessed, Slopes]] = field(default_factory=list)
+    decided: list[_Decided] = field(default_factory=list)
 
     def settled(
         self, accepted: tuple[Accepted, ...], estimated: Estimated, known: Container[Key] = ()
@@ -117,7 +133,7 @@ class Lookalikes:
             now = replace(now, rivals=tuple(o.law for o in _rivals(options, best)))
             accepted = (*accepted[:i], now, *accepted[i + 1 :])
         if present is not estimated.assessed:
-            estimated = estimate(self.objective, present.hypothesis)
+            estimated = estimate(self.objective, present.hypothesis, estimated.hypothesis)
         return accepted, estimated
 
     def _instead(self, present: Assessed, index: int, best: Option) -> Assessed | None:
@@ -144,7 +160,7 @@ class Lookalikes:
     def _around(self, present: Assessed, index: int, law: Planted) -> Assessed:
         """Effects with a law in the place of one, refined as replays around them say."""
         parts = (*present.hypothesis[:index], law, *present.hypothesis[index + 1 :])
-        around = self.objective.reference(parts)
+        around = self.objective.reference(parts, beside=present.hypothesis)
         (other,) = refine(self.objective, [around.hypothesis], [range(len(parts))], _STEPS)
         return other
 
@@ -208,7 +224,8 @@ class Lookalikes:
         self, hypothesis: Hypothesis, index: int, starts: Sequence[Planted]
     ) -> list[Option]:
         """An effect, and its lookalikes in its place."""
-        present = self.search_replays.reference(hypothesis)
+        before = self.decided[-1].hypothesis if self.decided else None
+        present = self.search_replays.reference(hypothesis, beside=before)
         tried = [(*hypothesis[:index], p, *hypothesis[index + 1 :]) for p in starts]
         begun = _best_of_each(self.search_replays.evaluate(tried), index, _STARTS)
         for _ in range(2):
@@ -240,15 +257,19 @@ class Lookalikes:
 
     def _decided(self, deciding: Objective, hypothesis: Hypothesis) -> tuple[Assessed, Slopes]:
         """What was found, refined on the deciding replays, with its slopes; once for all places."""
-        deciding.reference(hypothesis)
-        known = self.decided.pop() if self.decided else None
-        if known is None or known[:2] != (deciding, hypothesis):
+        before = self.decided.pop() if self.decided else None
+        if before and before.deciding is not deciding:
+            before = None
+        deciding.reference(hypothesis, beside=before and before.hypothesis)
+        if before is None or before.hypothesis != hypothesis:
+            # what the others do changes little with the law that took a place beside them
+            known = before.slopes if before and deciding.forgets else NO_SLOPES
             free = [range(len(hypothesis))]
-            (now,) = refine(deciding, [hypothesis], free, _STEPS)
-            (slope,) = jacobian(deciding, [now], free)
-            known = deciding, hypothesis, now, slopes_of(now.hypothesis, slope)
-        self.decided.append(known)
-        return known[2:]
+            (now,) = refine(deciding, [hypothesis], free, _STEPS, known=known)
+            (slope,) = jacobian(deciding, [now], free, known=known)
+            before = _Decided(deciding, hypothesis, now, slopes_of(now.hypothesis, slope))
+        self.decided.append(before)
+        return before.now, before.slopes
 
 
 def gave_way(found: Sequence[Accepted], settled: Sequence[Accepted]) -> dict[Key, Accepted]:

@@ -45,6 +45,7 @@ from wt.diagnose.selection.holdout import (
     lead_with_tolerances,
 )
 from wt.diagnose.selection.in_turn import where_mute
+from wt.diagnose.selection.leaving import weakest_of_each
 from wt.diagnose.selection.plain import NO_CURVES, Curves, curves_in_disguise
 from wt.diagnose.selection.rivalry import joint_of, rivals_nonparametric
 from wt.diagnose.selection.simpler import simplified, united
@@ -99,11 +100,12 @@ class Naming:
         """
         objective, log = self.objective, self.log
         accepted = in_best_form(self.search_replays, objective, accepted, log)
-        parts = tuple(a.planted for a in accepted)
+        parts, beside = tuple(a.planted for a in accepted), None
         if len(accepted) > _FEW:
-            limits = _limits(accepted, attempts, known)
-            accepted, parts = self._hopeful(accepted, fitted(objective, parts), limits, known)
-        estimated = estimate(objective, parts)
+            now, limits = fitted(objective, parts), _limits(accepted, attempts, known)
+            beside = now.hypothesis
+            accepted, parts = self._hopeful(accepted, now, limits, known)
+        estimated = estimate(objective, parts, beside)
         lookalikes = Lookalikes(self.screen, self.search_replays, objective, self.all_replays, log)
         found = accepted
         accepted, estimated = lookalikes.settled(accepted, estimated, known)
@@ -132,10 +134,11 @@ class Naming:
         """
         limits = _limits(accepted, attempts, known)
         while accepted:
-            weakest = self._uncertain(estimated)
-            if weakest is not None:
-                accepted, fewer = _less(accepted, estimated.hypothesis, weakest)
-            else:
+            fewer = estimated.hypothesis
+            uncertain = self._uncertain(estimated)
+            for i in sorted(uncertain, reverse=True):
+                accepted, fewer = _less(accepted, fewer, i)
+            if not uncertain:
                 each, weak = self._judged(estimated.assessed, limits)
                 if not weak:
                     for planted, g in zip(estimated.hypothesis, each, strict=True):
@@ -150,7 +153,7 @@ class Naming:
             if len(accepted) > left:
                 attempts += 1
                 limits = _limits(accepted, attempts, known)
-            estimated = estimate(self.objective, fewer)
+            estimated = estimate(self.objective, fewer, estimated.hypothesis)
         return Claims((), estimated, (), ())
 
     def _hopeful(
@@ -202,7 +205,7 @@ class Naming:
         """
         reason = "held-out replays do not clearly gain by it"
         while True:
-            leaving = self._weakest(now.hypothesis, weak)
+            leaving = weakest_of_each(self.objective, now.hypothesis, weak)
             for i in leaving:
                 planted, p = now.hypothesis[i], each[i].p_value
                 self.log.add(planted, "holdout", False, p, limits[planted.key], reason)
@@ -211,20 +214,10 @@ class Naming:
                 accepted, fewer = _less(accepted, fewer, i)
             if len(leaving) == len(weak):
                 return accepted, fewer
-            now = fitted(self.objective, fewer)
+            now = fitted(self.objective, fewer, now.hypothesis)
             each, weak = self._judged(now, limits)
             if not weak:
                 return accepted, now.hypothesis
-
-    def _weakest(self, hypothesis: Hypothesis, weak: Sequence[int]) -> list[int]:
-        """The first of some effects, and that of each other joint where drives hold a machine."""
-        scene, first = self.objective.scene, weak[0]
-        if not self.objective.forgets:
-            return [first]
-        of_joint: dict[int, int] = {}
-        for i in weak:
-            of_joint.setdefault(scene.dof_at(hypothesis[i].at), i)
-        return [i for dof, i in of_joint.items() if dof >= 0 or i == first]
 
     def claimed(self, proven: Claims) -> Claims:
         """Doubt names, learn what is left, and correct the model's tolerances."""
@@ -292,25 +285,27 @@ class Naming:
         at = [scene.dof_at(a.planted.at) for a in named.accepted]
         return {i for i, dof in enumerate(at) if dof in dofs and at.count(dof) > 1}
 
-    def _uncertain(self, estimated: Estimated) -> int | None:
-        """Index of an effect that some recording contradicts, or else that may as well be nothing.
+    def _uncertain(self, estimated: Estimated) -> list[int]:
+        """Indices of effects that leave: one that some recording contradicts, or may be nothing.
 
-        None if each is both possible and certain.
+        Of those that may as well be nothing the weakest; of each joint where drives hold a machine.
+        None if all are both possible and certain.
         """
         for i, p in enumerate(estimated.hypothesis):
             for motion in (self.screen.motion, self.holdout.smoothed.motion):
                 reason = p.wrong(motion)
                 if reason is not None:
                     self.log.add(p, "contradicted", False, 1.0, 0.0, reason)
-                    return i
+                    return [i]
         widths = distances_from_nothing(estimated)
         if not widths:
-            return None
-        weakest = min(widths, key=widths.__getitem__)
-        nothing = "its 95 % interval holds nothing at all"
-        planted = estimated.hypothesis[weakest]
-        self.log.add(planted, "certainty", False, widths[weakest], 0.5, nothing)
-        return weakest
+            return []
+        weak = sorted(widths, key=widths.__getitem__)
+        leaving = weakest_of_each(self.objective, estimated.hypothesis, weak)
+        for i in leaving:
+            nothing = "its 95 % interval holds nothing at all"
+            self.log.add(estimated.hypothesis[i], "certainty", False, widths[i], 0.5, nothing)
+        return leaving
 
     def _gains(self, assessed: Assessed) -> list[Gain]:
         """Gain of each effect: all of them against all but this one.

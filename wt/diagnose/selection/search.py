@@ -8,25 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
-
-import numpy as np
 
 from wt.diagnose.likelihood.bic import earns, erring_joints, exhausted, merit, worth
 from wt.diagnose.likelihood.objective import Assessed, Objective
-from wt.diagnose.likelihood.refine import Slopes, all_slopes, refine, together
+from wt.diagnose.likelihood.refine import NO_SLOPES, Slopes, all_slopes, refine, together
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.leaving import weakest_of_each
 from wt.diagnose.selection.memory import Memory
 from wt.diagnose.selection.several import several
 from wt.diagnose.selection.simpler import by_what_they_became
 from wt.diagnose.stop import StoppedError, stoppable, stopped
 from wt.diagnose.thresholds import THRESHOLDS
-from wt.physics.planted import Hypothesis, Key, without
+from wt.physics.effect import Shape
+from wt.physics.planted import Hypothesis, Key, Planted, without
 
 S = TypeVar("S")
 DOWNHILL = 2
@@ -143,10 +143,12 @@ class _State:
     Attributes:
         accepted: its effects.
         now: the same, assessed.
+        slopes: derivatives in them, as far as they are known.
     """
 
     accepted: list[Accepted]
     now: Assessed
+    slopes: Slopes = field(default_factory=lambda: NO_SLOPES)
 
     @property
     def names(self) -> set[Key]:
@@ -177,9 +179,8 @@ def _joined(
     """A round's best state: effects have joined, the superfluous left, the joined are sure."""
     accepted = [*state.accepted, *joined]
     hypothesis = (*state.now.hypothesis, *(a.planted for a in joined))
-    accepted, now, slopes = _prune(objective, accepted, _fitted(objective, hypothesis), log)
-    sure = _reconsidered(screen, objective, accepted, now, log, banned, joined, slopes)
-    return _State(*sure)
+    state = _prune(objective, _State(accepted, _fitted(objective, hypothesis)), log)
+    return _reconsidered(screen, objective, state, log, banned, joined)
 
 
 def _exchanged(
@@ -196,31 +197,47 @@ def _exchanged(
     where nothing was found, it is once no single effect joins any more.
     """
     for dof in erring_joints(objective, state.now):
-        others, had = _apart(objective, state, dof)
+        _, had = _apart(objective, state, dof)
         if not (had or everywhere) or not memory.unasked(state.now, dof):
             continue
         laws = several(objective, state.now, dof, banned)
-        if {p.key for p, _ in laws} <= {a.planted.key for a in had}:
-            continue
-        accepted = [*others, *(Accepted(p, shape, ()) for p, shape in laws)]
-        fit = _fitted(objective, tuple(a.planted for a in accepted))
-        accepted, fit, _ = _prune(objective, accepted, fit, DecisionLog())
-        lead, least = worth(objective, fit, state.now), THRESHOLDS.min_nats
-        ahead = merit(objective, fit) > merit(objective, state.now)
-        taken = ahead and earns(objective, fit, state.now)
-        parts = [p for p in fit.hypothesis if objective.scene.dof_at(p.at) == dof]
-        said = " and ".join(str(p) for p in parts)
-        reason = f"{said} together {'take its place' if taken else 'are not clearly ahead'}"
-        for a in had:
-            log.add(a.planted, "reconsidered", not taken, lead, least, reason)
-        if taken:
-            for a in (a for a in accepted if a.planted.key not in state.names):
-                log.add(a.planted, "joined", True, lead, least, f"of {said} together")
-            state = _State(accepted, fit)
-        else:
-            # as they were, to the bit
-            objective.reference(state.now.hypothesis, state.now.centre, most=1)
+        if not {p.key for p, _ in laws} <= {a.planted.key for a in had}:
+            state = _instead(objective, state, dof, laws, log)
     return state
+
+
+def _instead(
+    objective: Objective,
+    state: _State,
+    dof: int,
+    laws: Sequence[tuple[Planted, Shape]],
+    log: DecisionLog,
+) -> _State:
+    """Laws in the place of all that a joint has, if replays of them, refined, are clearly ahead.
+
+    Else the state and the replays stay as they were, to the bit.
+    """
+    others, had = _apart(objective, state, dof)
+    accepted = [*others, *(Accepted(p, shape, ()) for p, shape in laws)]
+    # what the others do changes little with the laws that take a place beside them
+    slopes = state.slopes if objective.forgets else NO_SLOPES
+    known = {a.planted.key: slopes[a.planted.key] for a in others if a.planted.key in slopes}
+    fit = _fitted(objective, tuple(a.planted for a in accepted), state.now.hypothesis, known)
+    after = _prune(objective, _State(accepted, fit, known), DecisionLog(), dof)
+    lead, least = worth(objective, after.now, state.now), THRESHOLDS.min_nats
+    ahead = merit(objective, after.now) > merit(objective, state.now)
+    taken = ahead and earns(objective, after.now, state.now)
+    _, here = _apart(objective, after, dof)
+    said = " and ".join(str(a.planted) for a in here)
+    reason = f"{said} together {'take its place' if taken else 'are not clearly ahead'}"
+    for a in had:
+        log.add(a.planted, "reconsidered", not taken, lead, least, reason)
+    if not taken:
+        objective.reference(state.now.hypothesis, state.now.centre, most=1)
+        return state
+    for a in (a for a in after.accepted if a.planted.key not in state.names):
+        log.add(a.planted, "joined", True, lead, least, f"of {said} together")
+    return after
 
 
 def _apart(objective: Objective, state: _State, dof: int) -> tuple[list[Accepted], list[Accepted]]:
@@ -232,29 +249,41 @@ def _apart(objective: Objective, state: _State, dof: int) -> tuple[list[Accepted
     return others, [a for a, its in zip(present, here, strict=True) if its]
 
 
-def _fitted(objective: Objective, hypothesis: Hypothesis) -> Assessed:
-    """All effects of a hypothesis refined together, with the objective linear around them."""
-    now = objective.reference(hypothesis)
-    (now,) = refine(objective, [now.hypothesis], [range(len(hypothesis))], iterations=3)
+def _fitted(
+    objective: Objective,
+    hypothesis: Hypothesis,
+    beside: Hypothesis | None = None,
+    known: Slopes = NO_SLOPES,
+) -> Assessed:
+    """All effects of a hypothesis refined together, with the objective linear around them.
+
+    Args:
+        objective: the replays.
+        hypothesis: the effects.
+        beside: effects beside which tolerances do much the same.
+        known: derivatives in some parts, as near as where others were beside them.
+    """
+    now = objective.reference(hypothesis, beside=beside)
+    every = [range(len(hypothesis))]
+    (now,) = refine(objective, [now.hypothesis], every, iterations=3, known=known)
     return objective.reference(now.hypothesis, now.tolerances)
 
 
 def _reconsidered(
     screen: Screen,
     objective: Objective,
-    accepted: list[Accepted],
-    now: Assessed,
+    state: _State,
     log: DecisionLog,
     banned: Container[Key],
     added: Sequence[Accepted],
-    slopes: Slopes | None,
-) -> tuple[list[Accepted], Assessed]:
+) -> _State:
     """Each of some effects that joined together is looked for again, in its place.
 
     Two at one joint were chosen by the force residual, and few others were replayed in their
     place. Of many that joined only such pairs are looked for again: each costs a whole round.
     What is known of the slopes in all of them holds until one is replaced.
     """
+    accepted, now, slopes = state.accepted, state.now, state.slopes
     dofs = [dof_of(screen, a.planted.at) for a in added]
     again = [
         a for a, dof in zip(added, dofs, strict=True) if len(added) <= FEW or dofs.count(dof) > 1
@@ -284,37 +313,46 @@ def _reconsidered(
                 + ("takes its place" if replaced else "is not clearly ahead"),
             )
             if replaced:
-                accepted, now, slopes = [*rest, found], other, None
+                accepted, now, slopes = [*rest, found], other, NO_SLOPES
                 continue
         now = objective.reference(now.hypothesis, now.tolerances)
-    return accepted, now
+    return _State(accepted, now, slopes)
 
 
-def _prune(
-    objective: Objective, accepted: list[Accepted], now: Assessed, log: DecisionLog
-) -> tuple[list[Accepted], Assessed, Slopes | None]:
-    """Drop effects that the later ones made superfluous; slopes in those that stay, if known.
+def _prune(objective: Objective, state: _State, log: DecisionLog, dof: int | None = None) -> _State:
+    """Drop effects that the later ones made superfluous; of one joint only, if that is given.
 
     One that has become as small as any model's errors are is one of these. One that has become a
     simpler law is that, and not dropped for being no longer what it was.
     """
-    slopes: Slopes | None = None
-    accepted, hypothesis = by_what_they_became(objective, accepted, now.hypothesis, log)
+    accepted, hypothesis = by_what_they_became(objective, state.accepted, state.now.hypothesis, log)
+    now, slopes = state.now, state.slopes
     if hypothesis is not now.hypothesis:
-        now = _fitted(objective, hypothesis)
+        now = _fitted(objective, hypothesis, known=slopes)
     while len(accepted) > 1:
-        slopes = all_slopes(objective, now)
-        fits = _lesser(objective, now, range(len(accepted)), slopes)
-        losses = [worth(objective, now, fit) for fit in fits]
-        weakest = int(np.argmin(losses))
-        if losses[weakest] > THRESHOLDS.min_nats and earns(objective, now, fits[weakest]):
+        places = [objective.scene.dof_at(p.at) for p in now.hypothesis]
+        asked = [i for i, at in enumerate(places) if dof is None or at == dof]
+        slopes = all_slopes(objective, now, slopes)
+        fits = dict(zip(asked, _lesser(objective, now, asked, slopes), strict=True))
+        losses = {i: worth(objective, now, fit) for i, fit in fits.items()}
+        first, *others = sorted(asked, key=losses.__getitem__)
+        if losses[first] > THRESHOLDS.min_nats and earns(objective, now, fits[first]):
             break
-        reason = "the others say as much without it"
-        planted, loss = accepted[weakest].planted, losses[weakest]
-        log.add(planted, "pruned", False, loss, THRESHOLDS.min_nats, reason)
-        accepted, slopes = [a for i, a in enumerate(accepted) if i != weakest], None
-        now = objective.reference(fits[weakest].hypothesis, fits[weakest].tolerances)
-    return accepted, now, slopes
+        weak = [first, *(i for i in others if losses[i] <= THRESHOLDS.min_nats)]
+        leaving, fit = weakest_of_each(objective, now.hypothesis, weak), fits[weak[0]]
+        if len(leaving) > 1:
+            together_gone = _gone(objective, now, leaving, slopes)
+            if merit(objective, together_gone) > merit(objective, fit):
+                fit = together_gone
+            else:
+                leaving = weak[:1]
+        for i in leaving:
+            reason = "the others say as much without it"
+            log.add(accepted[i].planted, "pruned", False, losses[i], THRESHOLDS.min_nats, reason)
+        accepted = [a for i, a in enumerate(accepted) if i not in leaving]
+        slopes = slopes if objective.forgets else NO_SLOPES
+        now = objective.reference(fit.hypothesis, fit.tolerances)
+    return _State(accepted, now, slopes)
 
 
 def _lesser(
@@ -328,3 +366,13 @@ def _lesser(
     free = [[k - (k > i) for k in together(objective, now.hypothesis, [i]) if k != i] for i in each]
     errors = [taken_over(objective.tolerances, now.tolerances, now.hypothesis[i]) for i in each]
     return refine(objective, lesser, free, iterations=2, centres=errors, known=slopes)
+
+
+def _gone(objective: Objective, now: Assessed, leaving: Sequence[int], slopes: Slopes) -> Assessed:
+    """A hypothesis without some effects of different joints, all others refined."""
+    fewer = tuple(p for i, p in enumerate(now.hypothesis) if i not in leaving)
+    errors = now.tolerances
+    for i in leaving:
+        errors = taken_over(objective.tolerances, errors, now.hypothesis[i])
+    every = [range(len(fewer))]
+    return refine(objective, [fewer], every, iterations=2, centres=[errors], known=slopes)[0]

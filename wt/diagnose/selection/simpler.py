@@ -73,7 +73,7 @@ def simplified(
         if law is None:
             continue
         said = _said(law, rest)
-        again = fitted(objective, rest if said else (*rest[:i], law, *rest[i:]))
+        again = fitted(objective, rest if said else (*rest[:i], law, *rest[i:]), now.hypothesis)
         erring = erring_joints(objective, again)
         # legs err now by more and now by less than their noise: there only nats tell what is lost
         lost = -worth(objective, again, now)
@@ -88,7 +88,7 @@ def simplified(
             instead = () if said else (_accepted(law, objective, (*larger, *others)),)
             accepted, now = (*accepted[:i], *instead, *accepted[i + 1 :]), again
     if now is not estimated.assessed:
-        estimated = estimate(objective, now.hypothesis)
+        estimated = estimate(objective, now.hypothesis, estimated.hypothesis)
     return accepted, estimated
 
 
@@ -113,7 +113,7 @@ def united(
             union = _union(effect, parts, objective) if len(parts) > 1 else None
             if union is None or any(excluded(union, p) for p in rest):
                 continue
-            again = estimate(objective, (*rest, union))
+            again = estimate(objective, (*rest, union), estimated.hypothesis)
             law = again.hypothesis[-1]
             lost = -worth(objective, again.assessed, estimated.assessed)
             one = lost < THRESHOLDS.min_nats
