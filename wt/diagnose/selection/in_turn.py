@@ -83,7 +83,7 @@ def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int, slope
     pair = [hypothesis, without(hypothesis, index)]
     free = [range(len(h)) for h in pair]
     errors = np.full((2, *objective.measured.shape), np.nan)
-    for part in _parts(objective):
+    for part in parts_of(objective):
         fits = refine(objective.only(~part), pair, free, iterations=2, known=slopes)
         # what the rig is off by is said by the other data too
         again = objective.evaluate([f.hypothesis for f in fits], [f.tolerances for f in fits])
@@ -94,8 +94,8 @@ def left_in_turn(objective: Objective, hypothesis: Hypothesis, index: int, slope
     return gain_of(less, full, blocks_of(objective.recording, objective.t))
 
 
-def _parts(objective: Objective) -> list[Bool[np.ndarray, " sample"]]:
-    """Rows of each part, (N,) bool: recordings, or stretches of time of the only one."""
+def parts_of(objective: Objective) -> list[Bool[np.ndarray, " sample"]]:
+    """Rows of each part of replays: recordings, or stretches of time of the only one."""
     recordings = np.unique(objective.recording)
     if len(recordings) > 1:
         return [objective.recording == r for r in recordings]

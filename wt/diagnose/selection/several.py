@@ -18,9 +18,11 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.diagnose.likelihood.bic import merit
+from wt.diagnose.likelihood.bounded import NormalEquations
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import jacobian
 from wt.diagnose.selection.candidates import excluded
+from wt.diagnose.selection.in_turn import parts_of
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Common, Effect, Shape, effects
 from wt.physics.hooks import Remembering, shaped
@@ -33,7 +35,8 @@ _ROUNDS = 4
 """So often all laws are fitted together, each time linear around what the last one said."""
 _DAMPINGS = (1e-6, 1e-2, 1.0)
 """Of steps that are tried side by side (Levenberg and Marquardt)."""
-_CONVERGED = 0.5  # nats that a step gains
+_RIDGE = 1e-9  # of the squares
+_CONVERGED = 2.0  # nats that a step gains: replays refine what is left
 
 
 class Law(NamedTuple):
@@ -181,19 +184,83 @@ def _solved(
 ) -> tuple[float, Theta]:
     """Log-likelihood and parameters of some of the laws alone, by the slopes."""
     objective, kept = joint.objective, list(kept)
+    fit = _alone(joint, there, slope, theta, kept, damping)
+    left = fit.left + slope[:, :, kept] @ fit.step
+    variance = objective.channels.variance(objective.channels.sums(left**2))
+    solved = np.array([law.nothing for law in joint.laws])
+    solved[kept] = fit.theta
+    return objective.channels.nats(variance) - 0.5 * float(fit.sizes @ fit.sizes), solved
+
+
+class _Alone(NamedTuple):
+    """Some of the laws alone, by the slopes.
+
+    Attributes:
+        left: error before the step, with tolerances adapted.
+        step: of the parameters.
+        low, high: shortest and longest.
+        theta: where it leads.
+        sizes: of the tolerances [deviations].
+    """
+
+    left: Float[np.ndarray, "sample dof"]
+    step: Theta
+    low: Theta
+    high: Theta
+    theta: Theta
+    sizes: Float[np.ndarray, " tolerance"]
+
+
+def _alone(
+    joint: _Joint,
+    there: Assessed,
+    slope: Float[np.ndarray, "sample dof law"],
+    theta: Theta,
+    kept: list[int],
+    damping: float,
+) -> _Alone:
+    """The step of some of the laws, the others being nothing."""
+    objective = joint.objective
     nothing = np.array([law.nothing for law in joint.laws])
     gone = np.setdiff1d(np.arange(len(theta)), kept)
     error = there.error + slope[:, :, gone] @ (nothing - theta)[gone]
     ends = np.array([law.ends() for law in joint.laws])[kept].reshape(-1, 2)
-    hypothesis = joint.hypothesis(theta, kept)
-    start = replace(there, error=error, hypothesis=hypothesis)
+    start = replace(there, error=error, hypothesis=joint.hypothesis(theta, kept))
     low, high = (ends - theta[kept, None]).T
     sizes, step = objective.solve(start, slope[:, :, kept], low, high, damping)
-    left = objective.adapted(error + slope[:, :, kept] @ step, sizes)
-    variance = objective.channels.variance(objective.channels.sums(left**2))
-    solved = nothing.copy()
-    solved[kept] = np.clip(theta[kept] + step, *ends.T)
-    return objective.channels.nats(variance) - 0.5 * float(sizes @ sizes), solved
+    solved = np.clip(theta[kept] + step, *ends.T)
+    return _Alone(objective.adapted(error, sizes), step, low, high, solved, sizes)
+
+
+def _foretold(
+    joint: _Joint,
+    there: Assessed,
+    slope: Float[np.ndarray, "sample dof law"],
+    theta: Theta,
+    kept: list[int],
+) -> float:
+    """Log-likelihood of each recording by what the others say of some of the laws, by the slopes.
+
+    Many laws fit whatever a machine does in one motion; what is its own, another motion has too.
+    Parts of the only recording stand in for recordings. Of a law that the others hardly excite
+    they say nothing: there it is as all of them have it.
+    """
+    channels, fit = joint.objective.channels, _alone(joint, there, slope, theta, kept, _DAMPINGS[0])
+    own, left = slope[:, :, kept], np.zeros_like(fit.left)
+    weights = np.where(channels.valid, channels.precision(there.variance), 0.0)
+    whole = np.einsum("nd,ndi->i", weights, own**2)
+    for part in parts_of(joint.objective):
+        rest = weights * ~part[:, None]
+        gram = np.einsum("nd,ndi,ndj->ij", rest, own, own)
+        right = -np.einsum("nd,nd,ndi->i", rest, fit.left, own)
+        told = np.diag(gram) > THRESHOLDS.seldom_excited * whole
+        step = fit.step.copy()
+        if told.any():
+            known = right[told] - gram[np.ix_(told, ~told)] @ step[~told]
+            normal = NormalEquations(gram[np.ix_(told, told)], known, _RIDGE)
+            step[told] = normal.active_set(fit.low[told], fit.high[told])
+        left[part] = (fit.left + own @ step)[part]
+    return channels.nats(channels.variance(channels.sums(left**2)))
 
 
 def _needed(
@@ -201,19 +268,23 @@ def _needed(
 ) -> tuple[float, list[int]]:
     """Laws that are left once what says least beside the others has gone, one by one.
 
-    Of those that say the same the least usual goes first.
+    Of those that say the same the least usual goes first. So many go as leave the rest at their
+    best in recordings that say nothing of their parameters.
 
     Returns:
-        (merit by the slopes; the laws where it is highest).
+        (merit by the slopes; the laws).
     """
 
     def usual(i: int) -> int:
         return get_args(Common).index(joint.laws[i].forms[0][0].common)
 
-    def merit_of(kept: Sequence[int]) -> float:
-        loglik, solved = _solved(joint, there, slope, theta, kept)
+    def priced(kept: Sequence[int], loglik: float) -> float:
+        solved = _solved(joint, there, slope, theta, kept)[1]
         fit = replace(there, hypothesis=joint.hypothesis(solved, kept), loglik=loglik)
         return merit(joint.objective, fit)
+
+    def merit_of(kept: Sequence[int]) -> float:
+        return priced(kept, _solved(joint, there, slope, theta, kept)[0])
 
     kept = list(range(len(joint.laws)))
     ways = [(merit_of(kept), kept)]
@@ -224,4 +295,4 @@ def _needed(
         leaves = min(close, key=lambda i: (usual(i), -less[i]))
         kept = [k for k in kept if k != leaves]
         ways.append((less[leaves], kept))
-    return max(ways, key=lambda way: way[0])
+    return max(ways, key=lambda way: priced(way[1], _foretold(joint, there, slope, theta, way[1])))
