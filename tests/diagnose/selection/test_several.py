@@ -67,11 +67,12 @@ def record(servo: Servo, seed: int) -> Recording:
     return Recording(t, {"qpos/hinge": q + NOISE * rng.standard_normal(len(t)), "ctrl/servo": u})
 
 
-def replays(folder: Path, servo: Servo, seed: int = 5) -> tuple[Screen, Objective]:
-    """The model beside a recording of such a servo."""
+def replays(folder: Path, *servos: Servo) -> tuple[Screen, Objective]:
+    """The model beside a recording of each of some servos."""
     path = folder / "link.xml"
     path.write_text(Servo().mjcf)
-    fitted = smooth(Scene(path), [Part(record(servo, seed), 0)])
+    parts = [Part(record(servo, 5 + i), i) for i, servo in enumerate(servos)]
+    fitted = smooth(Scene(path), parts)
     return Screen(fitted, 0), Objective(fitted, stretches_of(fitted, True), 1e-3, True)
 
 
@@ -122,6 +123,14 @@ def test_none_are_asked_for_beside_what_says_all(tmp_path: Path, law: Planted | 
     _, objective = replays(tmp_path, Servo(dry=0.3 if law else 0.0))
     now = objective.reference((law,) if law else ())
     assert several(objective, now, 0) == []
+
+
+@pytest.mark.parametrize("other", [0.3, 0.0])
+def test_what_another_motion_does_not_have_is_none_of_them(tmp_path: Path, other: float) -> None:
+    """Half of it would leave half of the error of both together."""
+    _, objective = replays(tmp_path, Servo(dry=0.3), Servo(dry=other))
+    laws = found(objective, objective.reference(()))
+    assert ("joint.friction_coulomb" in laws) == (other > 0.0)
 
 
 def test_what_was_refused_is_none_of_them(tmp_path: Path) -> None:

@@ -391,7 +391,7 @@ class Adaptable:
         for p, part in enumerate(self.parts):
             for dof, (acting, own) in enumerate(self._acting):
                 times[:, p, dof, acting] = errors[:, part, dof] @ own[part]
-        return times.reshape(len(errors), -1, count)
+        return times.reshape(len(errors), len(self.parts) * dofs, count)
 
 
 def linear(

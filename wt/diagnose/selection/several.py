@@ -269,7 +269,7 @@ def _needed(
     """Laws that are left once what says least beside the others has gone, one by one.
 
     Of those that say the same the least usual goes first. So many go as leave the rest at their
-    best in recordings that say nothing of their parameters.
+    best in recordings that say nothing of their parameters; all, if nothing is better there.
 
     Returns:
         (merit by the slopes; the laws).
@@ -288,7 +288,7 @@ def _needed(
 
     kept = list(range(len(joint.laws)))
     ways = [(merit_of(kept), kept)]
-    while len(kept) > 1:
+    while kept:
         less = {i: merit_of([k for k in kept if k != i]) for i in kept}
         best = max(less.values())
         close = [i for i in kept if less[i] > best - THRESHOLDS.evident_nats]
