@@ -23,6 +23,7 @@ from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.claims import Claims
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.holdout import Holdout
+from wt.diagnose.selection.memory import Memory
 from wt.diagnose.selection.naming import Naming
 from wt.errors import RecordingError, UserError
 from wt.physics.planted import Hypothesis, Planted
@@ -139,6 +140,20 @@ def test_only_an_effect_that_was_refused_starts_another_search(
     pipeline._proven(naming, first, Mock(spec=Pace))
     assert len(searched) == searches
     assert searched[-1] == {f"law {i}" for i in range(1, searches)}
+
+
+def test_another_search_remembers_what_was_tried_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen, replays, held = Mock(spec=Screen), Mock(spec=Objective), Mock(spec=Holdout)
+    naming = Naming(screen, replays, replays, lambda: replays, held, 1e-3, 0, DecisionLog())
+    assert isinstance(naming.memory, Memory) and naming.memory is naming.memory
+    memories: list[object] = []
+    monkeypatch.setattr(pipeline, "search", lambda *args: memories.append(args[6]) or ())
+    refused = (Mock(spec=Accepted, planted=Mock(spec=Planted, key="law")),)
+    monkeypatch.setattr(Naming, "proven", lambda *_: Mock(spec=Claims, accepted=()))
+    monkeypatch.setattr(Naming, "clean", lambda *_: False)
+    monkeypatch.setattr(Naming, "further", lambda _, earlier, later: later)
+    pipeline._proven(naming, refused, Mock(spec=Pace))
+    assert memories == [naming.memory]  # it finds nothing, and nothing is refused
 
 
 def test_what_was_proven_stays_though_what_took_its_place_is_refused(

@@ -169,7 +169,8 @@ def searched(
         measured_on = split.held(effort.proof_s, window)
         return Outcome(prepared, split.fitted, naming, measured_on, naming.proven(()), None)
     pace.time(naming.search_replays)
-    accepted = search(split.screen, naming.search_replays, log, pace.search)
+    given = split.screen, naming.search_replays, log, pace.search
+    accepted = search(*given, memory=naming.memory)
     if window and not stopped():
         window, naming, accepted = _prolonged(split, naming, accepted, window, pace)
     if not stopped():
@@ -307,7 +308,8 @@ def _prolonged(
     if later <= window:
         return given
     longer = split.naming(later)
-    further = search(naming.screen, longer.search_replays, naming.log, pace.search, accepted)
+    more = naming.screen, longer.search_replays, naming.log, pace.search, accepted
+    further = search(*more, memory=longer.memory)
     return given if _lost(replays, accepted, further) else (later, longer, further)
 
 
@@ -337,7 +339,8 @@ def _read_again(
     if again is split:
         return split, naming, accepted
     naming = again.naming(window)
-    further = search(again.screen, naming.search_replays, naming.log, pace.search, accepted)
+    more = again.screen, naming.search_replays, naming.log, pace.search, accepted
+    further = search(*more, memory=naming.memory)
     return again, naming, further
 
 
@@ -375,7 +378,8 @@ def _proven(naming: Naming, accepted: tuple[Accepted, ...], pace: Pace, before: 
             break
         kept = {a.planted.key for a in proven.accepted}
         banned |= {a.planted.key for a in accepted} - kept
-        accepted = search(screen, replays, log, pace.search, proven.accepted, banned)
+        given = screen, replays, log, pace.search, proven.accepted, banned
+        accepted = search(*given, naming.memory)
     return proven
 
 

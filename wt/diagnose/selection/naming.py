@@ -12,6 +12,7 @@ Every model is off by a few per cent, which is no finding, and is corrected besi
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -46,6 +47,7 @@ from wt.diagnose.selection.holdout import (
 )
 from wt.diagnose.selection.in_turn import where_mute
 from wt.diagnose.selection.leaving import weakest_of_each
+from wt.diagnose.selection.memory import Memory
 from wt.diagnose.selection.plain import NO_CURVES, Curves, curves_in_disguise
 from wt.diagnose.selection.rivalry import joint_of, rivals_nonparametric
 from wt.diagnose.selection.simpler import simplified, united
@@ -86,6 +88,11 @@ class Naming:
     seed: int
     log: DecisionLog
     shorter: Callable[[], Holdout] | None = None
+
+    @functools.cached_property
+    def memory(self) -> Memory:
+        """What searches with these replays tried: not again where a joint is as it was."""
+        return Memory(self.search_replays)
 
     def proven(
         self, accepted: tuple[Accepted, ...], attempts: int = 1, known: Container[Key] = ()

@@ -42,6 +42,7 @@ def search(
     report: Callable[[int, int], None] | None = None,
     start: Sequence[Accepted] = (),
     banned: Container[Key] = frozenset(),
+    memory: Memory | None = None,
 ) -> tuple[Accepted, ...]:
     """Add effects while they earn their place.
 
@@ -52,11 +53,12 @@ def search(
         report: called with (number of the effect that is looked for, joints that err).
         start: effects to start from.
         banned: effects at places that have been found to predict nothing.
+        memory: of earlier searches with the same replays.
 
     Returns:
         The effects in the order in which they were added.
     """
-    latest, memory = list[Accepted](), Memory(objective)  # what joined in the last round
+    latest, tried = list[Accepted](), memory or Memory(objective)  # what joined in the last round
 
     def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
         latest.clear()
@@ -66,9 +68,9 @@ def search(
         if report:
             report(len(state.accepted) + 1, len(erring_joints(objective, state.now)))
         union = _Union(banned, refused)
-        latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, memory)
+        latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, tried)
         after = _joined(screen, objective, state, latest, log, union) if latest else state
-        after = _exchanged(objective, after, log, union, memory, everywhere=not latest)
+        after = _exchanged(objective, after, log, union, tried, everywhere=not latest)
         return after, {a.planted.key for a in latest} | (after.names - state.names)
 
     def lead(after: _State, state: _State) -> float:
