@@ -69,8 +69,9 @@ def search(
             report(len(state.accepted) + 1, len(erring_joints(objective, state.now)))
         union = _Union(banned, refused)
         latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, tried)
-        after = _joined(screen, objective, state, latest, log, union) if latest else state
+        after = _joined(objective, state, latest, log) if latest else state
         after = _exchanged(objective, after, log, union, tried, everywhere=not latest)
+        after = _reconsidered(screen, objective, after, log, union, latest)
         return after, {a.planted.key for a in latest} | (after.names - state.names)
 
     def lead(after: _State, state: _State) -> float:
@@ -171,18 +172,12 @@ class _Union(Container[Key]):
 
 
 def _joined(
-    screen: Screen,
-    objective: Objective,
-    state: _State,
-    joined: Sequence[Accepted],
-    log: DecisionLog,
-    banned: Container[Key],
+    objective: Objective, state: _State, joined: Sequence[Accepted], log: DecisionLog
 ) -> _State:
-    """A round's best state: effects have joined, the superfluous left, the joined are sure."""
+    """A state once effects have joined it and the superfluous have left."""
     accepted = [*state.accepted, *joined]
     hypothesis = (*state.now.hypothesis, *(a.planted for a in joined))
-    state = _prune(objective, _State(accepted, _fitted(objective, hypothesis)), log)
-    return _reconsidered(screen, objective, state, log, banned, joined)
+    return _prune(objective, _State(accepted, _fitted(objective, hypothesis)), log)
 
 
 def _exchanged(
@@ -279,7 +274,7 @@ def _reconsidered(
     banned: Container[Key],
     added: Sequence[Accepted],
 ) -> _State:
-    """Each of some effects that joined together is looked for again, in its place.
+    """Each of some effects that joined together and are still there is looked for, in its place.
 
     Two at one joint were chosen by the force residual, and few others were replayed in their
     place. Of many that joined only such pairs are looked for again: each costs a whole round.
