@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Container
+from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from tests.diagnose.hidden_forces import on_joint, world
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.selection import search as search_module
-from wt.diagnose.selection.search import _lesser, uphill
+from wt.diagnose.selection.addition import Accepted
+from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.search import _fitted, _lesser, _prune, _State, uphill
 from wt.diagnose.stop import StoppedError
 from wt.physics.effect import effects
 from wt.physics.planted import Key, Planted
@@ -107,3 +111,31 @@ def test_only_what_is_on_the_same_limb_adapts_to_what_leaves(
     _lesser(Mock(spec=Objective, tolerances=()), now, [0, 1], {})
     hip, other, knee = parts
     assert asked == {"starts": [(other, knee), (hip, knee)], "free": [[1], []]}
+
+
+def test_what_joints_do_not_need_leaves_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rubbing = on_joint(0, lambda q, v: -0.6 * float(np.tanh(v / 0.01)))
+    objective, log = world(tmp_path, 2, rubbing, 4.0).objective, DecisionLog()
+    laws = (
+        ("friction_coulomb", 1),
+        ("friction_viscous", 1),
+        ("friction_viscous", 2),
+        ("armature", 2),
+    )
+    sizes = (0.6, 1e-3, 1e-2, 1e-3)
+    found = [
+        Planted(effects()[f"joint.{name}"], Location("joint", f"j{i}"), np.array([size]))
+        for (name, i), size in zip(laws, sizes, strict=True)
+    ]  # fmt: skip
+    left_out = Mock(wraps=_lesser)
+    monkeypatch.setattr(search_module, "_lesser", left_out)
+    accepted = [Accepted(p, (), ()) for p in found]
+    end = _prune(objective, _State(accepted, _fitted(objective, tuple(found))), log)
+    assert [str(p) for p in end.now.hypothesis] == ["joint.friction_coulomb at joint j1"]
+    assert end.now.hypothesis[0].theta == pytest.approx([0.6], rel=0.05)
+    assert [a.planted.key for a in end.accepted] == [p.key for p in end.now.hypothesis]
+    # one of each joint, then the other of the second
+    assert left_out.call_count == 2
+    assert [d.stage for d in log] == ["pruned"] * 3
