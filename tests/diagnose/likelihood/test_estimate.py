@@ -89,7 +89,7 @@ def test_a_fit_does_not_end_far_below_a_place_that_it_has_been_at(
     """What is linear around a place promises too much of the next: that one is left again."""
     rotor = Planted(effects()["joint.armature"], J, np.array([0.03]))
 
-    def at(hypothesis: Hypothesis, centre: np.ndarray | None = None) -> Mock:
+    def at(hypothesis: Hypothesis, centre: np.ndarray | None = None, **_: object) -> Mock:
         said = float(hypothesis[0].theta[0])
         there = 0.0 if centre is None else float(np.asarray(centre)[0])
         away = 1e6 * (said - 0.03) ** 2 + there**2

@@ -130,9 +130,9 @@ def test_linearised_again_as_long_as_replays_get_better(
     some = objective(smoothed(tmp_path, chain(2), chain(2)), True)
     linearised, times, met = some._linearised, [0], list[float]()
 
-    def counted(hypothesis: tuple[Planted, ...], anew: bool, **given: object) -> Assessed:
+    def counted(hypothesis: tuple[Planted, ...], anew: bool) -> Assessed:
         times[0] += 1
-        return linearised(hypothesis, anew, **given)
+        return linearised(hypothesis, anew)
 
     def better(error: np.ndarray, centre: np.ndarray) -> float:
         gains = [4.0, 3.0, 2.0, 0.0] if times[0] < 9 else [0.0] * 4
@@ -207,8 +207,9 @@ def test_what_tolerances_change_is_taken_over_from_one_effect_less(
     assert abs(taken.loglik - own.loglik) < 1.0
 
 
-def test_what_tolerances_change_is_taken_over_from_another_law_where_that_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("alike", [True, False])
+def test_what_tolerances_change_is_lent_to_another_law_where_a_replay_says_that_it_will_do(
+    alike: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rubbing = chain(2).replace('damping=".3"', 'damping=".3" frictionloss=".2"')
     fit = smoothed(tmp_path, rubbing, chain(2))
@@ -217,12 +218,21 @@ def test_what_tolerances_change_is_taken_over_from_another_law_where_that_is_nam
     def law(name: str, joint: str, size: float) -> Planted:
         return Planted(effects()[f"joint.{name}"], Location("joint", joint), np.array([size]))
 
-    dry, wet = law("friction_coulomb", "j2", 0.2), law("friction_viscous", "j2", 0.3)
-    known = (law("friction_coulomb", "j1", 0.2), dry)
+    dry = law("friction_coulomb", "j1", 0.2)
+    known = (dry, law("friction_coulomb", "j2", 0.2))
+    now = (dry, law("friction_viscous", "j2", 0.3))
     some.reference(known)
     linearised = Mock(wraps=some._nearby._replays.around)
     monkeypatch.setattr(some._nearby._replays, "around", linearised)
-    taken = some.reference((known[0], wet), most=1, beside=known)
-    own = other.reference((known[0], wet), most=1)
-    assert [len(call.args[1]) for call in linearised.call_args_list] == [0]
-    assert abs(taken.loglik - own.loglik) < 1.0
+    if not alike:
+        monkeypatch.setattr(likelihood, "_LINEAR", 0.0)
+    taken = some.reference(now, most=1, beside=known)
+    replayed = [len(call.args[1]) for call in linearised.call_args_list]
+    assert replayed == [0] + [len(some.tolerances)] * (not alike)
+    if alike:
+        assert abs(taken.loglik - other.reference(now, most=1).loglik) < 2.0
+    else:
+        assert taken.loglik == other.reference(now, taken.centre, most=1).loglik
+    # nor where it is known itself, or nothing is of the other
+    for hypothesis, lender in ((now, known), ((dry, law("armature", "j2", 0.1)), (now[1],))):
+        assert not some._nearby.lent(hypothesis, lender)

@@ -160,7 +160,7 @@ def _refined(
         theta = pack(whole, parts)
         moved = (np.abs(theta - pack(before, parts)) > _NEAR * np.abs(theta) + smallest).any()
         if moved or own.any():
-            now = objective.reference(whole, np.where(own, 0.0, now.tolerances), beside=before)
+            now = objective.reference(whole, np.where(own, 0.0, now.tolerances))
             best = max(best, now, key=lambda fit: fit.loglik)
         if not moved:
             break

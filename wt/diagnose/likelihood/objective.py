@@ -204,22 +204,25 @@ class Objective:
             hypothesis: the reference.
             centre: where the tolerances are believed [deviations]; as before if left out.
             most: linearisations.
-            beside: one whose tolerances change replays alike, as where one law is in the place of
-                another; the first linearisation takes these changes from there.
+            beside: one whose tolerances may change replays alike, as with another law in a place;
+                one linearisation more, where that will not do.
         """
         last = self._reference
         if centre is None and last and hypothesis == last.hypothesis:
             return last
         if centre is not None:
             self._around = replace(self._around, centre=np.where(self._able, centre, 0.0))
-        for turn in range(min(most, self._relinearised)):
-            assessed = self._linearised(hypothesis, anew=turn > 0, beside=beside)
+        lent = beside is not None and self._nearby.lent(hypothesis, beside)
+        for turn in range(min(most, self._relinearised) + lent):
+            assessed = self._linearised(hypothesis, anew=turn > 0)
             here, goal = assessed.centre, np.where(self._able, assessed.tolerances, 0.0)
             (actual,) = self._replayed(hypothesis, [goal])
             apart = actual - assessed.error - self._around.moved(goal)
             let_be = _LINEAR * np.maximum(self.noise, _LEFT * np.sqrt(assessed.mse))
             if not (self.channels.rms(apart) > let_be).any():
                 break
+            if lent and not turn:
+                continue
             # the linear part promises too much: as far that way as replays do get better
             between = [here + share * (goal - here) for share in _SHARES]
             errors = [actual, *self._replayed(hypothesis, between)]
@@ -249,12 +252,10 @@ class Objective:
         variance = self.channels.variance(self._around.squares(error[None])[0].total)
         return self.channels.nats(variance) - 0.5 * float(centre @ centre)
 
-    def _linearised(
-        self, hypothesis: Hypothesis, anew: bool = False, beside: Hypothesis | None = None
-    ) -> Assessed:
+    def _linearised(self, hypothesis: Hypothesis, anew: bool = False) -> Assessed:
         """Linearise around a hypothesis and the present tolerances; see :meth:`Nearby.around`."""
         centre = self._around.centre
-        q, changes, response = self._nearby.around(hypothesis, centre, anew, beside)
+        q, changes, response = self._nearby.around(hypothesis, centre, anew)
         error, columns = self._errors(q), np.where(self.channels.valid, changes, 0.0)
         parts = self.channels.parts
         if self.forgets:

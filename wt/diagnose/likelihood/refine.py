@@ -116,8 +116,8 @@ def around_itself(
     """A fit refined with tolerances that are linear around itself; as it is if that is no better.
 
     It becomes the reference of the replays. Tolerances that hardly differ from those of another fit
-    are taken from there: limbs in which nothing is different are then replayed once for all. So is,
-    where drives hold a machine, what tolerances change.
+    are taken from there: limbs in which nothing is different are then replayed once for all. So is
+    what tolerances change, where a replay says that it will do.
 
     Args:
         objective: the replays.
@@ -128,7 +128,8 @@ def around_itself(
     """
     alike = np.abs(fit.tolerances - beside.tolerances) <= DEVIATION
     centre = np.where(alike, beside.tolerances, fit.tolerances)
-    again = objective.reference(fit.hypothesis, centre, most=1, beside=beside.hypothesis)
+    other = beside.hypothesis if len(beside.hypothesis) == len(fit.hypothesis) else None
+    again = objective.reference(fit.hypothesis, centre, most=1, beside=other)
     parts = [together(objective, again.hypothesis, new)]
     (again,) = refine(objective, [again.hypothesis], parts, iterations=2, known=known)
     return max(fit, again, key=lambda a: a.loglik)

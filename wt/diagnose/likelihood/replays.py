@@ -317,7 +317,6 @@ class Nearby:
         hypothesis: Sequence[Planted],
         centre: Float[np.ndarray, " tolerance"],
         anew: bool = False,
-        beside: Sequence[Planted] | None = None,
     ) -> tuple[
         Float[np.ndarray, "sample dof"],
         Float[np.ndarray, "tolerance sample dof"],
@@ -329,17 +328,14 @@ class Nearby:
             hypothesis: what to replay.
             centre: where the tolerances are.
             anew: whether what those of a hypothesis close by changed will not do.
-            beside: a hypothesis whose changes will do where none closer is known.
 
         Returns:
             (positions; what changes per deviation of each tolerance; what changes per deviation
             of each initial state, of no width if it is forgotten).
         """
         here = (*hypothesis, *self.rig(centre))
-        taken = self._taken(hypothesis, beside)
+        taken = self._taken(hypothesis)
         if taken and not (anew and not self._once):
-            if beside is not None:  # it is asked for again
-                self._keep(taken._replace(hypothesis=tuple(hypothesis)))
             return self._replays.around(here, [])[0], *taken[1:]
         moved = [
             (*hypothesis, *self.rig(centre + one)) if t.effect.correctable else (*here, t.planted)
@@ -353,6 +349,21 @@ class Nearby:
         self._keep(_Changes(tuple(hypothesis), changes, response))
         return q, changes, response
 
+    def lent(self, hypothesis: Sequence[Planted], other: Sequence[Planted]) -> bool:
+        """Take what another's tolerances change for a hypothesis's of which nothing is known.
+
+        Only where drives hold a machine, and for a replay to say whether it will do.
+
+        Returns:
+            Whether anything is known of the other, and was taken.
+        """
+        if self._once or self._remembers or self._taken(hypothesis):
+            return False
+        close = [k for k in self._known if self._close(k.hypothesis, other)]
+        for known in close[-1:]:
+            self._keep(known._replace(hypothesis=tuple(hypothesis)))
+        return bool(close)
+
     def _keep(self, changes: _Changes) -> None:
         """Remember what is different near a hypothesis, in place of what was close to it."""
         kept = [k for k in self._known if not self._close(k.hypothesis, changes.hypothesis)]
@@ -360,20 +371,15 @@ class Nearby:
         most = min(_KEPT, max(_LEAST, room))
         self._known = [*kept[1 - most :], changes]
 
-    def _taken(
-        self, hypothesis: Sequence[Planted], beside: Sequence[Planted] | None
-    ) -> _Changes | None:
+    def _taken(self, hypothesis: Sequence[Planted]) -> _Changes | None:
         """What is known of one close by.
 
         Or, where drives hold a machine, of one with an effect less or more: what that adds to a
-        motion hardly changes what the tolerances do. Nor, then, does one in the place of another:
-        whoever compares the two may name it.
+        motion hardly changes what the tolerances do.
         """
         close = [k for k in self._known if self._close(k.hypothesis, hypothesis)]
         if not close and not self._remembers:
             close = [k for k in self._known if _but_one(k.hypothesis, hypothesis)]
-        if not close and not self._remembers and beside is not None:
-            close = [k for k in self._known if self._close(k.hypothesis, beside)]
         return close[-1] if close else None
 
     def _close(self, one: Sequence[Planted], other: Sequence[Planted]) -> bool:

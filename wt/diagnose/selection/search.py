@@ -220,7 +220,11 @@ def _instead(
     slopes = state.slopes if objective.forgets else NO_SLOPES
     known = {a.planted.key: slopes[a.planted.key] for a in others if a.planted.key in slopes}
     fit = _fitted(objective, tuple(a.planted for a in accepted), state.now.hypothesis, known)
-    after = _prune(objective, _State(accepted, fit, known), DecisionLog(), dof)
+    after = _State(accepted, fit, known)
+    # even if none of the laws had to be paid for
+    most = replace(fit, hypothesis=tuple(a.planted for a in others))
+    if merit(objective, most) > merit(objective, state.now):
+        after = _prune(objective, after, DecisionLog(), dof)
     lead, least = worth(objective, after.now, state.now), THRESHOLDS.min_nats
     ahead = merit(objective, after.now) > merit(objective, state.now)
     taken = ahead and earns(objective, after.now, state.now)
