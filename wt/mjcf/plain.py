@@ -170,18 +170,30 @@ def _remind(
     stored: Mapping[str, Array],
     window: int,
 ) -> None:
-    """States that come of all that was before a window: goals and integrals of servos."""
+    """States that come of all that was before a window: goals and integrals of servos, bends."""
     known = {} if physics is None else physics.begin
     known.clear()
     for k, name in enumerate(map(str, stored.get("remembered", ()))):
         x, (actuator, _, what) = float(stored["remembered_x"][window, k]), name.rpartition(" ")
         known[name] = np.array(x)
+        if what == "bend":
+            _bend(model, data, actuator, x)
         if what not in ("goal", "integral"):
             continue
         i = model.actuator(actuator).id
         if int(model.actuator_dyntype[i]) == mujoco.mjtDyn.mjDYN_PID:  # not so as it was given
             last = int(model.actuator_actnum[i]) - 1 if what == "integral" else 0
             data.act[model.actuator_actadr[i] + last] = x
+
+
+def _bend(model: mujoco.MjModel, data: mujoco.MjData, tendon: str, x: float) -> None:
+    """The spring of a tendon that yields is bent by so much."""
+    known = [model.tendon(i).name for i in range(model.ntendon)]
+    i = known.index(tendon) if tendon in known else -1
+    if i >= 0 and model.tendon_plasticadr[i] >= 0:  # not so as it was given
+        along = slice(model.tendon_adr[i], model.tendon_adr[i] + model.tendon_num[i])
+        length = model.wrap_prm[along] @ data.qpos[model.jnt_qposadr[model.wrap_objid[along]]]
+        data.plastic[model.tendon_plasticadr[i] :][:2] = length - x
 
 
 class _Joints:

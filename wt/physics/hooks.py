@@ -250,8 +250,9 @@ class Remembering(Effect):
     ) -> Mapping[str, float]:
         """Its state where a stretch begins, by the names that written files know it by.
 
-        ``<actuator> goal`` and ``<actuator> integral`` are activations of a ``pid`` actuator; what
-        else there is are hidden states of ``physics.py``.
+        ``<actuator> goal`` and ``<actuator> integral`` are activations of a ``pid`` actuator,
+        ``<tendon> bend`` is how far the spring of one that yields is bent; what else there is are
+        hidden states of ``physics.py``.
         """
 
 

@@ -45,6 +45,10 @@ def begun(model: mujoco.MjModel, stretch: Stretch) -> Float[np.ndarray, " actuat
     return activated(model, stretch.t[:1], stretch.command[:1])[0]
 
 
+BEND = " bend"
+"""What the name of a tendon that yields is followed by, where its bend is meant."""
+
+
 def activation(model: mujoco.MjModel, name: str) -> int:
     """Index of the activation ``<actuator> goal`` or ``<actuator> integral`` of a ``pid``."""
     actuator, _, what = name.rpartition(" ")
@@ -143,17 +147,39 @@ class Job:
         states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
         return states[:, 0], states[:, 1]
 
+    @functools.cached_property
+    def _remembered(self) -> dict[str, float]:
+        """What the patched model begins with that comes of all that was before, by name."""
+        parts = [p.remembered(self.stretch) for p in self.hypothesis if p.in_model]
+        return {name: x for part in parts for name, x in part.items()}
+
     def activations(self) -> Float[np.ndarray, " activation"]:
         """Activations to start from, in the order of the patched model's."""
         given, start = self.scene.model, begun(self.scene.model, self.stretch)
         act = np.zeros(self.model.na)
         for i in np.flatnonzero(dynamic(given)):
             act[self.model.actuator(given.actuator(i).name).actadr[0]] = start[i]
-        for p in self.hypothesis:
-            if p.in_model:
-                for name, x in p.remembered(self.stretch).items():
-                    act[activation(self.model, name)] = x
+        for name, x in self._remembered.items():
+            if not name.endswith(BEND):
+                act[activation(self.model, name)] = x
         return act
+
+    def bend(self, qpos: Float[np.ndarray, " joint"], plastic: Float[np.ndarray, " plastic"]) -> None:
+        """Bend the springs of tendons that yield as they are where the stretch begins, in place.
+
+        Args:
+            qpos: positions to start from.
+            plastic: states of what yields, unbent.
+        """
+        m = self.model
+        for name, x in self._remembered.items():
+            if name.endswith(BEND):
+                tendon = m.tendon(name.removesuffix(BEND)).id
+                first = m.tendon_adr[tendon]
+                along = slice(first, first + m.tendon_num[tendon])
+                length = m.wrap_prm[along] @ qpos[m.jnt_qposadr[m.wrap_objid[along]]]
+                at = m.tendon_plasticadr[tendon]
+                plastic[at : at + 2] = length - x
 
 
 @functools.cache

@@ -45,6 +45,8 @@ class Stepped:
             d.qpos[:], d.qvel[:] = job.initial()
             if job.model.na:
                 d.act[:] = job.activations()
+            if job.model.nplastic:
+                job.bend(d.qpos, d.plastic)
             mujoco.mj_getState(job.model, d, self._states[row], _STATE)
         # those of a replay one after another, in the order in which their forces are summed
         self._order = np.argsort(acts.places[:, 0], kind="stable")

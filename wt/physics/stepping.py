@@ -69,6 +69,10 @@ class _Rolled:
             act = self._batch.bind("act")
             for row, job in enumerate(jobs):
                 act[row] = job.activations()
+        if first.model.nplastic:
+            plastic = self._batch.bind("plastic")
+            for row, job in enumerate(jobs):
+                job.bend(qpos[row], plastic[row])
 
     def exploded(self) -> Bool[np.ndarray, " replay"]:
         """Which simulations MuJoCo has warned of; it sets them back, and goes on."""

@@ -25,19 +25,21 @@ STIFF, DAMPED = np.array([30.0, 15.0]), np.array([1.5, 0.75])
 RATE, EVERY, NOISE, SECONDS = 100, 20, 1e-3, 12.0
 
 
-def steps(height: float = 0.3) -> tuple[Recording, np.ndarray]:
+def steps(
+    height: float = 0.3, noise: float = NOISE, rate: int = RATE
+) -> tuple[Recording, np.ndarray]:
     """A torque loop around steps of its goal that fall on starts of windows, and its true speed."""
     model = mujoco.MjModel.from_xml_string(CHAIN)
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    t = np.arange(int(SECONDS * RATE)) / RATE
+    t = np.arange(int(SECONDS * rate)) / rate
     goal = 0.3 * np.sin(t[:, None] * [1.7, 2.3]) + height * (np.floor(t / 1.0) % 2)[:, None]
     q, v, u = (np.zeros((len(t), 2)) for _ in range(3))
     for k in range(len(t)):
         q[k], v[k] = data.qpos, data.qvel
         u[k] = STIFF * (goal[k] - q[k]) - DAMPED * v[k]
         data.ctrl[:] = u[k]
-        mujoco.mj_step(model, data, EVERY)
-    noisy = q + NOISE * rng.standard_normal(q.shape)
+        mujoco.mj_step(model, data, EVERY * RATE // rate)
+    noisy = q + noise * rng.standard_normal(q.shape)
     columns = {f"qpos/j{i + 1}": noisy[:, i] for i in range(2)}
     return Recording(t, columns | {f"ctrl/a{i + 1}": u[:, i] for i in range(2)}), v
 

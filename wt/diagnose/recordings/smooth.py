@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import PPoly
 
+from wt.diagnose.recordings.colour import Noise
 from wt.diagnose.recordings.curves import Curve, choose, fit
 from wt.diagnose.recordings.driven import as_found, held, responds_otherwise
 from wt.diagnose.recordings.grid import rounding
@@ -64,11 +65,12 @@ class Smoothed:
             ``splines``.
         at_samples: per segment, smooth (q, v, a) at the measured time stamps.
         noise: standard deviation of a position sample [rad or m].
+        colour: correlation of the noise of neighbouring ones; 0 where that is white.
         noise_v: of a velocity sample; NaN where none was recorded.
         curves: per segment and joint what states are read off, beside the response to held commands
             where that is better.
         splines: likewise what forces are of.
-        missed, missed_v: deviations of samples from the splines: noise, and what is faster.
+        missed: deviations of samples from the splines: noise, and what is faster.
         commands: for each measured sample; more than one where those between were filled in.
         begun: activations of integrators where each recording began, (nu,); zero of other drives.
     """
@@ -78,10 +80,10 @@ class Smoothed:
     at_samples: tuple[AtSamples, ...]
     noise: Float[np.ndarray, " dof"]
     noise_v: Float[np.ndarray, " dof"]
+    colour: Float[np.ndarray, " dof"]
     curves: tuple[tuple[Curve, ...], ...]
     splines: tuple[tuple[Curve, ...], ...]
-    missed: Float[np.ndarray, " dof"]
-    missed_v: Float[np.ndarray, " dof"]
+    missed: Noise
     commands: int = 1
     begun: Mapping[int, Float[np.ndarray, " actuator"]] = field(default_factory=dict)
 
@@ -94,10 +96,12 @@ class Smoothed:
     def unsure(self) -> tuple[Float[np.ndarray, " state"], ...]:
         """Deviations of the smooth positions and velocities, segment by segment.
 
-        A curve of fine knots, which follows fast motions, follows noise. A base that was computed
-        from an IMU moves smoothly, and is off by more than that tells.
+        A curve of fine knots, which follows fast motions, follows noise, and any curve what is slow
+        of coloured noise. A base that was computed from an IMU moves smoothly, and is off by more
+        than that tells.
         """
-        samples = _redrawn(self, self.noise, self.noise_v, np.random.default_rng(0))
+        noise = Noise(self.noise, self.colour, self.noise_v)
+        samples = _redrawn(self, noise, np.random.default_rng(0))
         least_q, least_v = np.zeros(len(self.noise)), np.zeros(len(self.noise))
         scene, computed = self.motion.scene, {dof for s in self.samples for dof in s.estimated}
         for joint in scene.free:
@@ -108,13 +112,17 @@ class Smoothed:
         each = []
         for segment, new, known in zip(
             self.motion.segments,
-            _refitted(samples, self.curves, self.noise, self.noise_v),
+            _refitted(samples, self.curves, noise),
             self.curves,
             strict=True,
         ):
             grid = self.motion.t[segment.rows]
-            each.append(np.std(_at(grid, new, 1) - _at(grid, known, 1), axis=0))
-        return tuple(np.concatenate([q, np.maximum(v, least_v)]) for v in each)
+            off, off_v = (
+                np.std(_at(grid, new, order) - _at(grid, known, order), axis=0) for order in (0, 1)
+            )
+            off = np.where(self.colour > 0.0, np.maximum(q, off), q)
+            each.append(np.concatenate([off, np.maximum(off_v, least_v)]))
+        return tuple(each)
 
 
 def smooth(
@@ -141,14 +149,15 @@ def smooth(
     nv = scene.model.nv
     splines = [tuple(choose(s, joint) for joint in range(nv)) for s in samples]
     rounded = np.array([rounding(parts, joint) for joint in scene.joints])
-    missed, missed_v = _deviations(splines)
+    missed = _noise(splines)
     chosen = _curves(scene, samples, splines, known)
     motion = _motion(scene, samples, splines)
     if len(integrating(scene.model)):
         begun = {**_begun(motion, parts), **(begun or {})}
         samples = _measured(scene, parts, commands, begun)
         motion = _motion(scene, samples, splines)
-    aside = tuple(splines), np.maximum(missed, rounded), missed_v
+    missed = replace(missed, deviation=np.maximum(missed.deviation, rounded))
+    aside = tuple(splines), missed
     states = _states(samples, chosen, rounded)
     return Smoothed(samples, motion, *states, *aside, commands, begun or {})
 
@@ -170,14 +179,15 @@ def beside(smoothed: Smoothed, parts: Sequence[Part], known: Hypothesis) -> Smoo
         return smoothed
     rounded = np.array([rounding(parts, joint) for joint in scene.joints])
     chosen = _curves(scene, samples, smoothed.splines, known)
-    at_samples, noise, noise_v, curves = _states(samples, chosen, rounded)
+    at_samples, *noise, curves = _states(samples, chosen, rounded)
     before, after = (
         np.concatenate([q for q, *_ in each]) for each in (smoothed.at_samples, at_samples)
     )
     moved = np.sqrt(np.mean((after - before) ** 2, axis=0))
-    if not (moved > _TELLS * noise).any():
+    if not (moved > _TELLS * noise[0]).any():
         return smoothed
-    return replace(smoothed, at_samples=at_samples, noise=noise, noise_v=noise_v, curves=curves)
+    known_now = dict(zip(("noise", "noise_v", "colour"), noise, strict=True))
+    return replace(smoothed, at_samples=at_samples, curves=curves, **known_now)
 
 
 def _curves(
@@ -199,26 +209,36 @@ def _states(
     tuple[AtSamples, ...],
     Float[np.ndarray, " dof"],
     Float[np.ndarray, " dof"],
+    Float[np.ndarray, " dof"],
     tuple[tuple[Curve, ...], ...],
 ]:
-    """Smooth states at the samples, noise of positions and of velocities, and the curves."""
+    """Smooth states at the samples, noise of positions, of velocities, its colour, the curves."""
     at_samples = tuple(
         (_at(s.t, own, 0), _at(s.t, own, 1), _at(s.t, own, 2))
         for s, own in zip(samples, curves, strict=True)
     )
-    noise, noise_v = _deviations(curves)
-    return at_samples, np.maximum(noise, rounded), noise_v, tuple(curves)
+    noise = _noise(curves)
+    deviation = np.maximum(noise.deviation, rounded)
+    return at_samples, deviation, noise.deviation_v, noise.colour, tuple(curves)
 
 
-def _deviations(
-    curves: Sequence[Sequence[Curve]],
-) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, " dof"]]:
-    """Deviations of positions and of velocities from curves, of each joint in all segments."""
-    sigma, sigma_v = (
-        np.array([_pooled([getattr(c, name) for c in own]) for own in zip(*curves, strict=True)])
-        for name in ("sigma", "sigma_v")
+def _noise(curves: Sequence[Sequence[Curve]]) -> Noise:
+    """Noise of each joint in all segments, by what curves leave.
+
+    Where one shows that it is coloured, those tell nothing that have so fine knots that they follow
+    most of it.
+    """
+    joints = list(zip(*curves, strict=True))
+    sigma_v = [_pooled([c.sigma_v for c in own]) for own in joints]
+    telling = [
+        [c for c in own if not any(o.colour for o in own) or 2.0 * c.spacing > widest]
+        for own, widest in ((own, max(c.spacing for c in own)) for own in joints)
+    ]
+    sigma, colour = (
+        np.array([_pooled([getattr(c, name) for c in own]) for own in telling])
+        for name in ("sigma", "colour")
     )
-    return sigma, sigma_v
+    return Noise(sigma, np.nan_to_num(colour), np.array(sigma_v))
 
 
 def _measured(
@@ -234,38 +254,34 @@ def _measured(
 
 def resmooth(smoothed: Smoothed, rng: np.random.Generator) -> Motion:
     """The smooth motion as it would come out of another draw of what splines miss."""
-    deviations = smoothed.missed, smoothed.missed_v
-    renewed = _redrawn(smoothed, *deviations, rng)
-    return _motion(
-        smoothed.motion.scene, renewed, _refitted(renewed, smoothed.splines, *deviations)
-    )
+    renewed = _redrawn(smoothed, smoothed.missed, rng)
+    again = _refitted(renewed, smoothed.splines, smoothed.missed)
+    return _motion(smoothed.motion.scene, renewed, again)
 
 
-def _redrawn(
-    smoothed: Smoothed,
-    noise: Float[np.ndarray, " dof"],
-    noise_v: Float[np.ndarray, " dof"],
-    rng: np.random.Generator,
-) -> tuple[Samples, ...]:
+def _redrawn(smoothed: Smoothed, noise: Noise, rng: np.random.Generator) -> tuple[Samples, ...]:
     """The segments with another draw of noise."""
     renewed = []
     for s, (q, v, _) in zip(smoothed.samples, smoothed.at_samples, strict=True):
-        noisy_q = q + noise * rng.standard_normal(q.shape)
-        noisy_v = v + np.nan_to_num(noise_v) * rng.standard_normal(v.shape)
+        noise_q, noise_v = noise.drawn(len(q), rng)
+        noisy_q, noisy_v = q + noise_q, v + noise_v
         noisy_q[np.isnan(s.q)], noisy_v[np.isnan(s.v)] = np.nan, np.nan
         renewed.append(replace(s, q=noisy_q, v=noisy_v))
     return tuple(renewed)
 
 
 def _refitted(
-    samples: Sequence[Samples],
-    curves: Sequence[Sequence[Curve]],
-    noise: Float[np.ndarray, " dof"],
-    noise_v: Float[np.ndarray, " dof"],
+    samples: Sequence[Samples], curves: Sequence[Sequence[Curve]], noise: Noise
 ) -> tuple[tuple[Curve, ...], ...]:
     """Curves of the same kind through samples of so much noise."""
+    size, size_v, white = noise.deviation, noise.deviation_v, noise.colour == 0.0
+
+    def again(s: Samples, joint: int, c: Curve) -> Curve:
+        weight = float(size[joint]) if white[joint] else c.left
+        return fit(s, joint, c.spacing, weight, float(size_v[joint]), c.beside, c.knots)
+
     return tuple(
-        tuple(fit(s, j, c.spacing, noise[j], noise_v[j], c.beside) for j, c in enumerate(own))
+        tuple(again(s, j, c) for j, c in enumerate(own))
         for s, own in zip(samples, curves, strict=True)
     )
 

@@ -183,7 +183,10 @@ def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Int[np.ndarray, " s
     s, (q, _, _) = smoothed.samples[index], smoothed.at_samples[index]
     n = smoothed.commands
     knot = max(smoothed.spacing[index]) * n
-    ready = np.flatnonzero(_known(s.q - q, smoothed.noise) & ~_jolted(s.command, knot))
+    known = _known(s.q - q, smoothed.noise) & ~_jolted(s.command, knot)
+    for fast in np.concatenate([c.fast for c in smoothed.curves[index]]):
+        known &= (s.t < fast[0]) | (s.t > fast[1])  # there it follows noise
+    ready = np.flatnonzero(known)
     # at its very ends a curve's slope is loose; windows can hardly spare more, but may adapt
     return ready[ready >= (_LOOSE if forgets else 1.0) * knot]
 

@@ -116,8 +116,10 @@ def united(
             again = estimate(objective, (*rest, union), estimated.hypothesis)
             law = again.hypothesis[-1]
             lost = -worth(objective, again.assessed, estimated.assessed)
-            one = lost < THRESHOLDS.min_nats
-            reason = f"{law} says {'as much alone' if one else 'less'}"
+            intervals = {name: e.ci95 for name, e in again.estimates[-1].items()}
+            needed = law.simpler(objective.motion, intervals) is None
+            one = needed and lost < THRESHOLDS.min_nats
+            reason = f"{law} says {'as much alone' if one else 'less, or no more than one of them'}"
             for part in parts:
                 log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
             if one:

@@ -7,7 +7,7 @@ drive of another strength, which no motion of the joint tells from it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ from wt.physics.driving import all_drives, force_of_all
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._bristle import BRISTLE, BristleFriction, slip
 from wt.physics.effects._tools import add_dry_friction, mean_weight
-from wt.physics.hooks import Beyond, Intervals, Nested
+from wt.physics.hooks import Beyond, Intervals, Nested, Uniting
 from wt.physics.live import Law, Values
 from wt.physics.motion import Motion
 from wt.physics.parts import compiled
@@ -47,7 +47,7 @@ def _lossy(
 
 
 @register
-class GearLoss(Nested, BristleFriction):
+class GearLoss(Nested, Uniting, BristleFriction):
     """τ = −sign(v) · (coulomb + viscous · |v| + share · |drive force|).
 
     The share is ``drive`` where the drive's force has the sign of v, and ``back`` where it has not.
@@ -68,6 +68,7 @@ class GearLoss(Nested, BristleFriction):
     )
     native = False
     excludes = ("joint.friction_coulomb", "joint.friction_viscous", "joint.friction_load")
+    unites = excludes
     settles = ("joint.friction_viscous",)
     signed = (1, 1, 1, 1)
     looks_like = ("dry friction",)
@@ -123,6 +124,19 @@ class GearLoss(Nested, BristleFriction):
             return []
         coulomb, fraction = theta
         return [((), np.array([fraction, fraction, coulomb, 0.0]))]
+
+    def union(
+        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+    ) -> Float[np.ndarray, " parameter"] | None:
+        """Friction by load beside other friction, as long as it loses alike both ways."""
+        if "joint.friction_load" not in parts:
+            return None
+        coulomb, fraction = parts["joint.friction_load"]
+        dry, wet = (
+            float(parts.get(f"joint.friction_{kind}", np.zeros(1))[0])
+            for kind in ("coulomb", "viscous")
+        )
+        return np.array([fraction, fraction, max(coulomb + dry, 0.0), max(wet, 0.0)])
 
     def simpler(
         self,

@@ -1,17 +1,23 @@
-"""An elastic element that yields: presliding friction, harness and seal drag."""
+"""An elastic element that yields: presliding friction, harness and seal drag.
+
+How far it is bent when a replay begins comes of all the way that the joint went before: in the
+middle of a recording it is as good as never unbent.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import LEAST, Parameter, Shape, register
-from wt.physics.hooks import Intervals, Nested
+from wt.physics.hooks import Intervals, Nested, Remembering
 from wt.physics.motion import Motion
 from wt.physics.parts import add_tendon
+from wt.physics.replay import Stretch
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
@@ -19,8 +25,35 @@ _PRESLIDING = 0.1
 """Share of a joint's travel within which bristles of dry friction bend."""
 
 
+def _followed(q: np.ndarray, most: float) -> np.ndarray:
+    bend, bends = 0.0, np.empty(len(q))
+    for k in range(len(q)):
+        if k:
+            bend = min(max(bend + q[k] - q[k - 1], -most), most)
+        bends[k] = bend
+    return bends
+
+
+@functools.cache
+def _compiled() -> Callable[[np.ndarray, float], np.ndarray]:
+    from wt.physics.compiled import fast  # takes a second to import
+
+    made: Callable[[np.ndarray, float], np.ndarray] = fast(_followed)
+    return made
+
+
+def bent(q: Float[np.ndarray, " sample"], most: float) -> Float[np.ndarray, " sample"]:
+    """How far an element is bent along a joint's way, unbent to begin with [rad].
+
+    Args:
+        q: positions of the joint [rad].
+        most: bend at which the element yields [rad].
+    """
+    return _compiled()(np.ascontiguousarray(q, dtype=float), float(most))
+
+
 @register
-class Hysteresis(Nested):
+class Hysteresis(Nested, Remembering):
     """τ = −z with ż = stiffness · v while |z| < yield (Prandtl's elasto-plastic element)."""
 
     id = "joint.hysteresis"
@@ -46,12 +79,7 @@ class Hysteresis(Nested):
         dof = motion.scene.dof(at.name)
         z = np.empty(len(motion))
         for s in motion.segments:
-            q = motion.q[s.rows, dof]
-            state, out = 0.0, np.empty(len(q))
-            for k, step in enumerate(np.diff(q, prepend=q[0])):
-                state = min(max(state + step, -shape[0]), shape[0])
-                out[k] = state
-            z[s.rows] = out
+            z[s.rows] = bent(motion.q[s.rows, dof], shape[0])
         return motion.on(dof, -z)
 
     def theta(
@@ -69,6 +97,20 @@ class Hysteresis(Nested):
             stiffness, bend = [theta[0], 0.0, 0.0], float(theta[1] / theta[0])
             tendon = add_tendon(spec, name, stiffness=stiffness, springyield=bend)
             tendon.wrap_joint(at.name, 1.0)
+
+    def remembered(
+        self, at: Location, theta: Float[np.ndarray, " parameter"], stretch: Stretch
+    ) -> Mapping[str, float]:
+        """How far the tendon is bent by the way that the joint went in the recording before."""
+        motion, segment, bend = stretch.motion, stretch.segment, 0.0
+        if theta[1] <= 0.0:
+            return {}
+        if motion is not None and segment is not None:
+            dof = motion.scene.dof(at.name)
+            before = motion.t[segment.rows] < stretch.t[0] - 1e-9
+            way = motion.q[segment.rows, dof][before]
+            bend = float(bent(np.append(way, stretch.q0[dof]), theta[1] / theta[0])[-1])
+        return {f"{at.name}_hysteresis bend": bend}
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
