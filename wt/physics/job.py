@@ -164,7 +164,9 @@ class Job:
                 act[activation(self.model, name)] = x
         return act
 
-    def bend(self, qpos: Float[np.ndarray, " joint"], plastic: Float[np.ndarray, " plastic"]) -> None:
+    def bend(
+        self, qpos: Float[np.ndarray, " joint"], plastic: Float[np.ndarray, " plastic"]
+    ) -> None:
         """Bend the springs of tendons that yield as they are where the stretch begins, in place.
 
         Args:

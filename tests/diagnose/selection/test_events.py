@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
@@ -15,11 +16,12 @@ from wt.diagnose.recordings.samples import Part
 from wt.diagnose.recordings.smooth import Smoothed, smooth
 from wt.diagnose.recordings.stretches import stretches_of
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.events import Event, events
+from wt.diagnose.selection.events import Event, _at_once, _Found, _less, _proven, events
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.effects.force_intermittent import ForceIntermittent, seen
 from wt.physics.planted import Planted
+from wt.physics.pushes import Push, flat
 from wt.physics.scene import Scene
 from wt.types import Location, Recording
 
@@ -133,3 +135,36 @@ def test_pushes_on_a_real_double_pendulum(
         for middle in true.get(joint, ()):
             assert min(abs(t - middle) for t in times) < 0.05
         assert times == [] or joint in true
+
+
+def test_what_only_makes_up_for_each_other_leaves_together(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A push at each joint at one moment, none of which may go alone, and one more elsewhere."""
+    kind = effects()["joint.force_intermittent"]
+    assert isinstance(kind, ForceIntermittent)
+
+    def pushed(joint: str, *middles: float) -> _Found:
+        pushes = [Push(0.0, t - 0.05, t + 0.05, 0.01, 1.0) for t in middles]
+        planted = Planted(kind.shaped(flat(pushes)), Location("joint", joint), np.ones(len(pushes)))
+        return _Found(planted, 0.1 * np.ones(len(pushes)))
+
+    both = [pushed("shoulder", 2.0, 5.0), pushed("elbow", 2.03)]
+    assert _at_once(both) == [[(0, 0), (1, 0)]]
+    assert [len(f.spread) for f in _less(both, [(0, 0), (1, 0)])] == [1]
+
+    def leads(objective: object, full: object, lesser: list[tuple[Planted, ...]]) -> list[float]:
+        """The one at 5 s is needed; of those at 2 s both or none."""
+        said = []
+        for hypothesis in lesser:
+            moments = [w for p in hypothesis for w in p.observed()["windows"][1][::2]]
+            early = sum(x < 3.0 for x in moments)
+            said.append((90.0 if early == 1 else -1.0) + (50.0 if max(moments, default=0.0) < 4.0 else 0.0))
+        return said
+
+    monkeypatch.setattr("wt.diagnose.selection.events._leads", leads)
+    replays = Mock(spec=Objective)
+    replays.evaluate = list
+    (left,) = _proven(replays, (), both, DecisionLog())
+    assert left.planted.at.name == "shoulder"
+    assert left.planted.observed()["windows"][1] == pytest.approx((4.95, 5.05), abs=0.02)

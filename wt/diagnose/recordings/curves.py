@@ -18,8 +18,8 @@ DEGREE = 5
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)  # samples between knots that are tried
 _COARSEST = 0.05  # s between knots: slower than any motion that matters
 _PART_S, _PART, _MISSED = 0.1, 50, 1.7
-"""Parts of a segment [s], of so many samples at least, in which a curve beside coloured noise misses
-a motion: errors, whitened, have so many times the usual mean square there."""
+"""Parts of a segment [s], of so many samples at least, in which a curve beside coloured noise
+misses a motion: errors, whitened, have so many times the usual mean square there."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,16 +67,24 @@ def events(
     found = _proven(objective, known, found, log)
     moments = len(motion) * motion.dt / MOMENT_S * motion.q.shape[1]
     chance = float(min(1.0, moments * erfc(Evident.DEVIATIONS / np.sqrt(2.0))))
-    hypothesis = (*known, *(f.planted for f in found))
+    while found:
+        hypothesis = (*known, *(f.planted for f in found))
+        lesser = [without(hypothesis, i) for i in range(len(known), len(hypothesis))]
+        after, *before = [
+            float((objective.left(a) ** 2).sum()) for a in objective.evaluate([hypothesis, *lesser])
+        ]
+        gains = [Gain(max(1.0 - after / b, 0.0), chance) for b in before]
+        weakest = int(np.argmin([g.share for g in gains]))
+        share, least = gains[weakest].share, THRESHOLDS.momentary_share
+        if share >= least:
+            break
+        reason = "whatever it is, its moments explain little of the errors"
+        log.add(found[weakest].planted, "event", False, share, least, reason)
+        # what made up for it is not needed any more
+        rest = [f for i, f in enumerate(found) if i != weakest]
+        found = _proven(objective, known, rest, log)
     proven = []
-    for i, f in enumerate(found, len(known)):
-        pair = objective.evaluate([hypothesis, without(hypothesis, i)])
-        after, before = (float((objective.left(a) ** 2).sum()) for a in pair)
-        gain = Gain(max(1.0 - after / before, 0.0), chance)
-        if gain.share < THRESHOLDS.momentary_share:
-            reason = "whatever it is, its moments explain little of the errors"
-            log.add(f.planted, "event", False, gain.share, THRESHOLDS.momentary_share, reason)
-            continue
+    for f, gain in zip(found, gains if found else (), strict=True):
         reason = "stands out of what models are usually off by, and replays are ahead with it"
         log.add(f.planted, "event", True, chance, THRESHOLDS.significant, reason)
         proven.append(Event(f.planted, _estimates(objective.scene, f), gain))
@@ -89,12 +97,19 @@ class _Found(NamedTuple):
     planted: Planted
     spread: Float[np.ndarray, " event"]
 
-    def less(self, event: int) -> _Found:
-        """The same without one of them."""
-        kept = np.arange(len(self.spread)) != event
+    def less(self, events: Sequence[int]) -> _Found:
+        """The same without some of them."""
+        kept = ~np.isin(np.arange(len(self.spread)), events)
         assert isinstance(self.planted.effect, Evident)
         effect, theta = self.planted.effect.only(self.planted.theta, kept)
         return _Found(replace(self.planted, effect=effect, theta=theta), self.spread[kept])
+
+    @property
+    def moments(self) -> list[tuple[float, float, float]]:
+        """Recording, start and end of each event."""
+        known = self.planted.observed()
+        ends = np.reshape(known["windows"][1], (-1, 2)).tolist()
+        return [(r, *pair) for r, pair in zip(known["recordings"][1], ends, strict=True)]
 
 
 def _estimates(scene: Scene, found: _Found) -> dict[str, Estimate]:
@@ -130,28 +145,54 @@ def _standing_out(motion: Motion, known: Hypothesis) -> list[_Found]:
 def _proven(
     objective: Objective, known: Hypothesis, found: list[_Found], log: DecisionLog
 ) -> list[_Found]:
-    """Those events with which replays are ahead: the one that they need least leaves first."""
+    """Those events with which replays are ahead: the one that they need least leaves first.
+
+    Some at one moment, at several joints, may be needed for nothing but to make up for each other:
+    they leave together.
+    """
     while found:
         # tolerances had made up for the events, and no longer need to
         full = objective.reference((*known, *(f.planted for f in found)))
-        each = [(i, k) for i, f in enumerate(found) for k in range(len(f.spread))]
-        options = [_less(found, i, k) for i, k in each]
-        lesser = objective.evaluate([(*known, *(f.planted for f in o)) for o in options])
-        leads = _leads(objective, full, lesser)
-        weakest = int(np.argmin(leads))
-        if leads[weakest] > THRESHOLDS.equivalent_nats:
+        each = [[(i, k)] for i, f in enumerate(found) for k in range(len(f.spread))]
+        for groups in filter(None, (each, _at_once(found))):
+            options = [_less(found, group) for group in groups]
+            lesser = objective.evaluate([(*known, *(f.planted for f in o)) for o in options])
+            leads = _leads(objective, full, lesser)
+            weakest = int(np.argmin(leads))
+            if leads[weakest] <= THRESHOLDS.equivalent_nats:
+                break
+        else:
             break
-        dropped, reason = found[each[weakest][0]], "replays are not ahead with one of its events"
-        least = THRESHOLDS.equivalent_nats
-        log.add(dropped.planted, "event", False, leads[weakest], least, reason)
+        reason, least = "replays are not ahead with one of its events", THRESHOLDS.equivalent_nats
+        for i in dict.fromkeys(i for i, _ in groups[weakest]):
+            log.add(found[i].planted, "event", False, leads[weakest], least, reason)
         found = options[weakest]
     return found
 
 
-def _less(found: Sequence[_Found], index: int, event: int) -> list[_Found]:
-    """The same without one event of one effect."""
-    rest = found[index].less(event) if len(found[index].spread) > 1 else None
-    return [*found[:index], *([rest] if rest else []), *found[index + 1 :]]
+def _at_once(found: Sequence[_Found]) -> list[list[tuple[int, int]]]:
+    """Events at one moment of a recording, each as indices of a kind and of an event."""
+    each = [(*m, (i, k)) for i, f in enumerate(found) for k, m in enumerate(f.moments)]
+    groups: list[list[tuple[int, int]]] = []
+    last, until = -1.0, -np.inf
+    for recording, start, end, event in sorted(each):
+        if recording == last and start <= until:
+            groups[-1].append(event)
+        else:
+            groups.append([event])
+            until = -np.inf
+        last, until = recording, max(until, end)
+    return [group for group in groups if len(group) > 1]
+
+
+def _less(found: Sequence[_Found], events: Sequence[tuple[int, int]]) -> list[_Found]:
+    """The same without some events, each an index of a kind and one of an event."""
+    rest = []
+    for i, f in enumerate(found):
+        gone = [k for kind, k in events if kind == i]
+        if len(gone) < len(f.spread):
+            rest.append(f.less(gone) if gone else f)
+    return rest
 
 
 def _leads(objective: Objective, full: Assessed, lesser: Sequence[Assessed]) -> list[float]:
