@@ -158,8 +158,9 @@ def test_what_only_makes_up_for_each_other_leaves_together(
         said = []
         for hypothesis in lesser:
             moments = [w for p in hypothesis for w in p.observed()["windows"][1][::2]]
-            early = sum(x < 3.0 for x in moments)
-            said.append((90.0 if early == 1 else -1.0) + (50.0 if max(moments, default=0.0) < 4.0 else 0.0))
+            alone = sum(x < 3.0 for x in moments) == 1
+            late = max(moments, default=0.0) > 4.0
+            said.append((90.0 if alone else -1.0) + (0.0 if late else 50.0))
         return said
 
     monkeypatch.setattr("wt.diagnose.selection.events._leads", leads)

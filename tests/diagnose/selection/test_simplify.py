@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.search import _fitted
 from wt.diagnose.selection.simpler import by_what_they_became, simplified, united
 from wt.physics.effect import effects
-from wt.physics.hooks import Nested
+from wt.physics.hooks import Nested, Uniting
 from wt.physics.planted import Planted
 from wt.types import Location
 
@@ -159,6 +160,37 @@ def test_a_load_says_alone_what_mass_and_centre_of_mass_do_together(loaded: Worl
     accepted, after = united(loaded.objective, given, before, DecisionLog())
     assert [a.planted.effect.id for a in accepted] == ["body.payload_fixed"]
     assert after.estimates[0]["mass"].value == pytest.approx(0.3, rel=0.05)
+    assert {r.effect.id for r in accepted[0].rivals} == set(thetas)
+
+
+def test_a_gear_says_alone_what_friction_by_load_and_by_speed_do_together(tmp_path: Path) -> None:
+    """Each of the two excludes it, so that it is tried in the place of both."""
+    losses = np.array([0.1, 0.45, 0.05, 0.1])
+
+    def lossy(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        q, v = float(data.qpos[0]), float(data.qvel[0])
+        drive = 80.0 * (float(data.ctrl[0]) - q) - 4.0 * v
+        share = losses[0] if drive * v > 0.0 else losses[1]
+        level = losses[2] + losses[3] * abs(v) + share * abs(drive)
+        data.qfrc_applied[0] -= level * float(np.tanh(v / 1e-3))
+
+    geared, at = world(tmp_path, 1, lossy, 5.0), Location("joint", "j1")
+    gear = effects()["joint.gear_loss"]
+    thetas = {
+        "joint.friction_load": np.array([0.05, 0.28]),
+        "joint.friction_viscous": np.array([0.1]),
+    }
+    motion = geared.screen.motion
+    assert isinstance(gear, Uniting)
+    assert gear.union(motion, at, thetas) == pytest.approx([0.28, 0.28, 0.05, 0.1])
+    dry = {"joint.friction_coulomb": np.array([0.1])}
+    assert gear.union(motion, at, {"joint.friction_viscous": np.array([0.1]), **dry}) is None
+    parts = tuple(Planted(effects()[name], at, theta) for name, theta in thetas.items())
+    given = tuple(Accepted(p, (), ()) for p in parts)
+    before = estimate(geared.objective, parts)
+    accepted, after = united(geared.objective, given, before, DecisionLog())
+    assert [a.planted.effect.id for a in accepted] == ["joint.gear_loss"]
+    assert after.hypothesis[0].theta == pytest.approx(losses, abs=0.05)
     assert {r.effect.id for r in accepted[0].rivals} == set(thetas)
 
 

@@ -18,8 +18,9 @@ from jaxtyping import Float
 from scipy.signal import lfilter
 
 _COLOURS = np.linspace(0.0, 0.98, 99)
-_LEAST = 0.25
-"""Colour below which noise is as good as white: a state is off by a quarter more."""
+_LEAST = 0.35
+"""Colour below which noise is as good as white: what of a motion the best curve misses is alike by
+as much. States are off by up to √((1 + ρ)/(1 − ρ)), 1.4 times as much as of white noise."""
 _SURE = 4.0  # deviations of the correlation of white noise, from where it is none
 _TELLING = 6.0
 """Least samples a knot of a curve that tells coloured noise from a motion: fewer leave of either

@@ -116,10 +116,8 @@ def united(
             again = estimate(objective, (*rest, union), estimated.hypothesis)
             law = again.hypothesis[-1]
             lost = -worth(objective, again.assessed, estimated.assessed)
-            intervals = {name: e.ci95 for name, e in again.estimates[-1].items()}
-            needed = law.simpler(objective.motion, intervals) is None
-            one = needed and lost < THRESHOLDS.min_nats
-            reason = f"{law} says {'as much alone' if one else 'less, or no more than one of them'}"
+            one = lost < THRESHOLDS.min_nats and _shown(objective, again, estimated)
+            reason = f"{law} says {'as much alone' if one else 'less, or nothing of its own'}"
             for part in parts:
                 log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
             if one:
@@ -128,6 +126,15 @@ def united(
                 accepted = (*kept, _accepted(law, objective, tuple(parts)))
                 estimated = again
     return accepted, estimated
+
+
+def _shown(objective: Objective, union: Estimated, parts: Estimated) -> bool:
+    """Tell whether what the last law says of its own shows, and is not one of its parts alone."""
+    law, estimates = union.hypothesis[-1], union.estimates[-1]
+    intervals = {name: e.ci95 for name, e in estimates.items()}
+    if law.simpler(objective.motion, intervals) is None:
+        return True
+    return union.assessed.loglik - parts.assessed.loglik > THRESHOLDS.evident_nats
 
 
 def _union(effect: Uniting, parts: Sequence[Planted], objective: Objective) -> Planted | None:
