@@ -35,8 +35,9 @@ _TEST_S, _SHOVE, _FORGOTTEN = 1.5, 0.02, 0.3
 _TRIED, _GROWTH, _LOST = 6, 3.0, 0.3
 """Windows that are tried of each length, how fast shoves may grow in them [1/s], and what share of
 the spread of its positions a joint may err by, before its replay counts as lost."""
-_LOOSE = 4.0
-"""Knots at a segment's ends where the slope of a curve is not to be trusted over a long stretch."""
+_LOOSE, _LOOSEST = 4.0, 3.0
+"""Knots at a segment's ends where the slope of a curve is not to be trusted over a long stretch, nor
+in a window, whose begin may adapt."""
 _JUMP, _LEAST = 10.0, 0.05
 """A command jumps by so many times its usual change, and such a share of its range."""
 _AROUND, _MISFIT = 9, 2.0
@@ -187,8 +188,7 @@ def _ready(smoothed: Smoothed, index: int, forgets: bool) -> Int[np.ndarray, " s
     for fast in np.concatenate([c.fast for c in smoothed.curves[index]]):
         known &= (s.t < fast[0]) | (s.t > fast[1])  # there it follows noise
     ready = np.flatnonzero(known)
-    # at its very ends a curve's slope is loose; windows can hardly spare more, but may adapt
-    return ready[ready >= (_LOOSE if forgets else 1.0) * knot]
+    return ready[ready >= (_LOOSE if forgets else _LOOSEST) * knot]
 
 
 def _jolted(
