@@ -131,7 +131,7 @@ def slowest(
         (index of the curve; colour of the noise); None where noise may as well be white.
     """
     best = len(scores) - 1
-    while True:
+    while best >= 0:
         colour = colour_of(alikes[best], spacings[best], count)
         if not colour or spacings[best] < _TELLING:
             return None
@@ -141,6 +141,7 @@ def slowest(
         if better >= best:
             return best, colour
         best = better
+    return None
 
 
 def _left(

@@ -92,26 +92,28 @@ def _beside_colour(s: Samples, joint: int, best: Curve, tried: Sequence[Curve]) 
 
     But where that misses a motion which is fast for a while it has as many knots as the best one.
     """
-    each = [(c.score, c.alike, c.spacing) for c in tried if np.isfinite(c.score)]
+    known = [c for c in tried if np.isfinite(c.score)]
     ok = np.isfinite(s.q[:, joint])
-    found = slowest(*zip(*each, strict=True), int(ok.sum())) if each else None
+    found = slowest(
+        [c.score for c in known],
+        [c.alike for c in known],
+        [c.spacing for c in known],
+        int(ok.sum()),
+    )
     if found is None:
         return best
     index, colour = found
-    slow, t = tried[index], s.t[ok]
+    slow, t = known[index], s.t[ok]
     left = s.q[ok, joint] - slow.at(t, 0)
-    known = {
-        "sigma": deviation_of(slow.sigma, slow.spacing, colour),
-        "colour": colour,
-        "score": best.score,
-    }
+    sigma = deviation_of(slow.sigma, slow.spacing, colour)
+    slow = replace(slow, sigma=sigma, colour=colour, score=best.score)
     fast = _missed(t, left[1:] - colour * left[:-1], slow.spacing * s.dt)
     if not len(fast) or slow.spacing <= best.spacing:
-        return replace(slow, **known)
+        return slow
     there = ((t >= fast[:, :1]) & (t <= fast[:, 1:])).any(axis=0)
     knots = _spread(s, t, np.where(there, best.spacing, slow.spacing))
     again = fit(s, joint, slow.spacing, 1.0, np.nan, slow.beside, knots)
-    return replace(slow, spline=again.spline, knots=knots, fast=fast, **known)
+    return replace(slow, spline=again.spline, knots=knots, fast=fast)
 
 
 def _missed(

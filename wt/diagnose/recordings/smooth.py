@@ -179,15 +179,15 @@ def beside(smoothed: Smoothed, parts: Sequence[Part], known: Hypothesis) -> Smoo
         return smoothed
     rounded = np.array([rounding(parts, joint) for joint in scene.joints])
     chosen = _curves(scene, samples, smoothed.splines, known)
-    at_samples, *noise, curves = _states(samples, chosen, rounded)
+    at_samples, noise, noise_v, colour, curves = _states(samples, chosen, rounded)
     before, after = (
         np.concatenate([q for q, *_ in each]) for each in (smoothed.at_samples, at_samples)
     )
     moved = np.sqrt(np.mean((after - before) ** 2, axis=0))
-    if not (moved > _TELLS * noise[0]).any():
+    if not (moved > _TELLS * noise).any():
         return smoothed
-    known_now = dict(zip(("noise", "noise_v", "colour"), noise, strict=True))
-    return replace(smoothed, at_samples=at_samples, curves=curves, **known_now)
+    again = replace(smoothed, at_samples=at_samples, curves=curves)
+    return replace(again, noise=noise, noise_v=noise_v, colour=colour)
 
 
 def _curves(

@@ -36,8 +36,8 @@ _TRIED, _GROWTH, _LOST = 6, 3.0, 0.3
 """Windows that are tried of each length, how fast shoves may grow in them [1/s], and what share of
 the spread of its positions a joint may err by, before its replay counts as lost."""
 _LOOSE, _LOOSEST = 4.0, 3.0
-"""Knots at a segment's ends where the slope of a curve is not to be trusted over a long stretch, nor
-in a window, whose begin may adapt."""
+"""Knots at a segment's ends where the slope of a curve is not to be trusted over a long stretch,
+nor in a window, whose begin may adapt."""
 _JUMP, _LEAST = 10.0, 0.05
 """A command jumps by so many times its usual change, and such a share of its range."""
 _AROUND, _MISFIT = 9, 2.0
