@@ -55,6 +55,8 @@ def test_they_begin_on_the_true_motion(tmp_path: Path) -> None:
     assert np.max(off) < 6.0
     jumps, knot = np.arange(1.0, SECONDS), max(smoothed.spacing[0]) / RATE
     assert min(np.abs(jumps - s.t[0]).min() for s in windows) >= knot
+    # nor at the loose end of the curve
+    assert windows[0].t[0] >= 3.0 * knot - 1e-9
     # most of each window is kept
     assert np.median([s.t[-1] - s.t[0] for s in windows]) > 0.8 * WINDOW_S
 
