@@ -40,6 +40,8 @@ AtSamples = tuple[
 _TELLS, _CLEARLY = 0.1, 0.9
 """What jumps of commands move, in noise, from where curves beside the response to them are tried;
 share of the score below which they are better."""
+_FOLLOWING = 0.5
+"""Share of a joint's widest spacing of knots up to which curves follow most of coloured noise."""
 _STILL = 0.1  # rad/s or m/s: below, dry friction may be less than it is
 _STEPS, _NUDGE = 8, 1e-6
 """Steps in which an integrator's begin is found, and by what its slope is taken [rad or m]."""
@@ -230,10 +232,10 @@ def _noise(curves: Sequence[Sequence[Curve]]) -> Noise:
     """
     joints = list(zip(*curves, strict=True))
     sigma_v = [_pooled([c.sigma_v for c in own]) for own in joints]
-    telling = [
-        [c for c in own if not any(o.colour for o in own) or 2.0 * c.spacing > widest]
-        for own, widest in ((own, max(c.spacing for c in own)) for own in joints)
-    ]
+    telling = []
+    for own in joints:
+        least = _FOLLOWING * max(c.spacing for c in own) if any(c.colour for c in own) else 0.0
+        telling.append([c for c in own if c.spacing > least])
     sigma, colour = (
         np.array([_pooled([getattr(c, name) for c in own]) for own in telling])
         for name in ("sigma", "colour")
