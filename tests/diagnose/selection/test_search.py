@@ -14,7 +14,7 @@ from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.selection import search as search_module
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
-from wt.diagnose.selection.search import _fitted, _lesser, _prune, _State, uphill
+from wt.diagnose.selection.search import _fitted, _foretold, _lesser, _prune, _State, uphill
 from wt.diagnose.stop import StoppedError
 from wt.physics.effect import effects
 from wt.physics.planted import Key, Planted
@@ -139,3 +139,30 @@ def test_what_joints_do_not_need_leaves_at_once(
     # one of each joint, then the other of the second
     assert left_out.call_count == 2
     assert [d.stage for d in log] == ["pruned"] * 3
+
+
+@pytest.mark.parametrize(
+    ("p_values", "stays"), [([1.0, 0.9], False), ([1.0, 1e-4], True), ([], True)]
+)
+def test_many_effects_grow_only_by_what_recordings_foretell_of_each_other(
+    p_values: list[float], stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [
+        Planted(effects()[f"joint.{name}"], Location("joint", "hip"), np.ones(1))
+        for name in ("armature", "friction_coulomb", "friction_viscous")
+    ]
+    accepted = [Accepted(p, (), ()) for p in found]
+    state = _State(accepted, Mock(spec=Assessed, hypothesis=tuple(found)), {})
+    said = Mock(side_effect=[Mock(p_value=p) for p in p_values])
+    monkeypatch.setattr(search_module, "left_in_turn", said)
+    monkeypatch.setattr(search_module, "all_slopes", lambda *_: {})
+    joined, log = accepted[3 - len(p_values) :], DecisionLog()
+    one, two = (
+        Mock(spec=Objective, scene=Mock(free=(), joints=joints))
+        for joints in (("hip",), ("a", "b"))
+    )
+    assert _foretold(one, state, joined, log) == stays
+    assert [call.args[2] for call in said.call_args_list] == [1, 2][: len(p_values)]
+    assert len(list(log)) == (0 if stays else 2)
+    # few effects are not asked
+    assert _foretold(two, state, joined, log) and said.call_count == len(p_values)

@@ -19,6 +19,7 @@ from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
+from wt.diagnose.selection.in_turn import left_in_turn
 from wt.diagnose.selection.leaving import weakest_of_each
 from wt.diagnose.selection.memory import Memory
 from wt.diagnose.selection.several import several
@@ -33,6 +34,9 @@ DOWNHILL = 2
 """At most this many rounds that went downhill are tried anew without what they added."""
 FEW = 3
 """So many effects that joined in one round are all looked for again."""
+CROWDED, HOPELESS = 2, 0.5
+"""Effects for each joint from which another has to show in recordings left out in turn, and the
+probability, without it, of a gain such as these have by it: a coin's."""
 
 
 def search(
@@ -70,6 +74,10 @@ def search(
         union = _Union(banned, refused)
         latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, tried)
         after = _joined(objective, state, latest, log) if latest else state
+        if not _foretold(objective, after, latest, log):
+            latest.clear()
+            after = state
+            objective.reference(state.now.hypothesis, state.now.tolerances)
         after = _exchanged(objective, after, log, union, tried, everywhere=not latest)
         after = _reconsidered(screen, objective, after, log, union, latest)
         return after, {a.planted.key for a in latest} | (after.names - state.names)
@@ -178,6 +186,29 @@ def _joined(
     accepted = [*state.accepted, *joined]
     hypothesis = (*state.now.hypothesis, *(a.planted for a in joined))
     return _prune(objective, _State(accepted, _fitted(objective, hypothesis)), log)
+
+
+def _foretold(
+    objective: Objective, state: _State, joined: Sequence[Accepted], log: DecisionLog
+) -> bool:
+    """Tell whether recordings foretell each other better by what joined, or few effects are there.
+
+    Where a machine follows no law exactly, there is always one more that fits what it did. With
+    many there, at least one of those that join has to show in parts that it was not fitted to.
+    """
+    if len(state.accepted) <= CROWDED * len(objective.scene.joints) or objective.scene.free:
+        return True
+    names = {a.planted.key for a in joined}
+    asked = [i for i, p in enumerate(state.now.hypothesis) if p.key in names]
+    slopes, gains = all_slopes(objective, state.now, state.slopes), []
+    for i in asked:
+        gains.append(left_in_turn(objective, state.now.hypothesis, i, slopes).p_value)
+        if gains[-1] <= HOPELESS:
+            return True
+    for i, p_value in zip(asked, gains, strict=True):
+        reason = "recordings left out in turn gain nothing by it, and many effects are there"
+        log.add(state.now.hypothesis[i], "holdout", False, p_value, HOPELESS, reason)
+    return not asked
 
 
 def _exchanged(
