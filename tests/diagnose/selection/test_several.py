@@ -133,6 +133,16 @@ def test_what_another_motion_does_not_have_is_none_of_them(tmp_path: Path, other
     assert ("joint.friction_coulomb" in laws) == (other > 0.0)
 
 
+def test_what_an_encoder_says_is_none_of_them(tmp_path: Path) -> None:
+    path, said = tmp_path / "link.xml", record(Servo(dry=0.3), 5)
+    path.write_text(Servo().mjcf)
+    columns = {**said.columns, "qpos/hinge": 1.08 * said.columns["qpos/hinge"]}
+    fitted = smooth(Scene(path), [Part(Recording(said.t, columns), 0)])
+    objective = Objective(fitted, stretches_of(fitted, True), 1e-3, True)
+    laws = found(objective, objective.reference(()))
+    assert laws and not any(name.startswith("sensor.") for name in laws)
+
+
 def test_what_was_refused_is_none_of_them(tmp_path: Path) -> None:
     _, objective = replays(tmp_path, CASES[0][0])
     now, refused = objective.reference(()), planted("gain", "actuator", 1.0).key

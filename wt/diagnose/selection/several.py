@@ -25,7 +25,7 @@ from wt.diagnose.selection.candidates import excluded
 from wt.diagnose.selection.in_turn import parts_of
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Common, Effect, Shape, effects
-from wt.physics.hooks import Remembering, shaped
+from wt.physics.hooks import OnOutputs, Remembering, shaped
 from wt.physics.planted import Hypothesis, Key, Planted
 from wt.types import Location
 
@@ -286,7 +286,8 @@ def _needed(
     def merit_of(kept: Sequence[int]) -> float:
         return priced(kept, _solved(joint, there, slope, theta, kept)[0])
 
-    kept = list(range(len(joint.laws)))
+    # an encoder's scale is no force, and stands in for some: it only helps to find these
+    kept = [i for i, law in enumerate(joint.laws) if not isinstance(law.forms[0][0], OnOutputs)]
     ways = [(merit_of(kept), kept)]
     while kept:
         less = {i: merit_of([k for k in kept if k != i]) for i in kept}
