@@ -66,20 +66,13 @@ def search(
 
     def advance(state: _State, refused: Container[Key]) -> tuple[_State, set[Key]]:
         latest.clear()
-        room = THRESHOLDS.most_effects - len(state.accepted)
-        if room <= 0 or exhausted(objective, state.now):
+        full = len(state.accepted) >= THRESHOLDS.most_effects
+        if full or exhausted(objective, state.now):
             return state, set()
         if report:
             report(len(state.accepted) + 1, len(erring_joints(objective, state.now)))
         union = _Union(banned, refused)
-        latest[:] = addition(screen, objective, state.now, state.accepted, log, room, union, tried)
-        after = _joined(objective, state, latest, log) if latest else state
-        if not _foretold(objective, after, latest, log):
-            latest.clear()
-            after = state
-            objective.reference(state.now.hypothesis, state.now.tolerances)
-        after = _exchanged(objective, after, log, union, tried, everywhere=not latest)
-        after = _reconsidered(screen, objective, after, log, union, latest)
+        after = _round(screen, objective, state, log, union, tried, latest)
         return after, {a.planted.key for a in latest} | (after.names - state.names)
 
     def lead(after: _State, state: _State) -> float:
@@ -177,6 +170,27 @@ class _Union(Container[Key]):
     def __contains__(self, key: object) -> bool:
         """Whether any of them has it."""
         return any(key in part for part in self._parts)
+
+
+def _round(
+    screen: Screen,
+    objective: Objective,
+    state: _State,
+    log: DecisionLog,
+    banned: Container[Key],
+    tried: Memory,
+    latest: list[Accepted],
+) -> _State:
+    """A state after one more round; ``latest`` is filled with what joined in it."""
+    room = THRESHOLDS.most_effects - len(state.accepted)
+    latest[:] = addition(screen, objective, state.now, state.accepted, log, room, banned, tried)
+    after = _joined(objective, state, latest, log) if latest else state
+    if not _foretold(objective, after, latest, log):
+        latest.clear()
+        after = state
+        objective.reference(state.now.hypothesis, state.now.tolerances)
+    after = _exchanged(objective, after, log, banned, tried, everywhere=not latest)
+    return _reconsidered(screen, objective, after, log, banned, latest)
 
 
 def _joined(
