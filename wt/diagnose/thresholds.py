@@ -88,6 +88,9 @@ class Thresholds:
     """[nats] The same for the best hypotheses of each joint: another joint may just be worse."""
     most_effects: int = 16
     """[1] Effects that a search stops at."""
+    crowded: int = 2
+    """[effects a joint] Beyond so many another has to show in recordings left out in turn, too:
+    what follows no law exactly has always one more that fits it. Set by an SO-101."""
     equivalent_nats: float = 4.0
     """[nats] Hypotheses closer than this cannot be told apart: odds of 50 to 1."""
     evident_nats: float = 1.0
@@ -102,6 +105,8 @@ class Thresholds:
     and by injected ones of a real double pendulum, .28 and more."""
     significant: float = 0.01
     """[1] Largest p-value of a gain that counts, over all effects and searches together."""
+    hopeless: float = 0.5
+    """[1] p-value of a gain beyond which nothing is to be hoped for: a coin's."""
     mute: float = 0.01
     """[share of the squared error] Held-out data on which an effect could not change more say
     nothing about it. Set by rotors that slow held-out motions do not excite."""

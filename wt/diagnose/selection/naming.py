@@ -58,8 +58,6 @@ from wt.physics.planted import Hypothesis, Key, Planted, without
 
 _FEW = 3
 """Of more effects than these, the hopeless leave before anything else is asked of them."""
-_HOPELESS = 0.5
-"""Probability, without an effect, of a gain such as held-out data have by it: a coin's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +178,7 @@ class Naming:
         hopeless = [
             i
             for i, (p, g) in enumerate(zip(hypothesis, each, strict=True))
-            if p.key not in known and g.p_value > _HOPELESS
+            if p.key not in known and g.p_value > THRESHOLDS.hopeless
         ]
         for i in reversed(hopeless):
             planted, p = hypothesis[i], each[i].p_value

@@ -34,9 +34,6 @@ DOWNHILL = 2
 """At most this many rounds that went downhill are tried anew without what they added."""
 FEW = 3
 """So many effects that joined in one round are all looked for again."""
-CROWDED, HOPELESS = 2, 0.5
-"""Effects for each joint from which another has to show in recordings left out in turn, and the
-probability, without it, of a gain such as these have by it: a coin's."""
 
 
 def search(
@@ -210,18 +207,19 @@ def _foretold(
     Where a machine follows no law exactly, there is always one more that fits what it did. With
     many there, at least one of those that join has to show in parts that it was not fitted to.
     """
-    if len(state.accepted) <= CROWDED * len(objective.scene.joints) or objective.scene.free:
+    few = THRESHOLDS.crowded * len(objective.scene.joints)
+    if len(state.accepted) <= few or objective.scene.free:
         return True
     names = {a.planted.key for a in joined}
     asked = [i for i, p in enumerate(state.now.hypothesis) if p.key in names]
     slopes, gains = all_slopes(objective, state.now, state.slopes), []
     for i in asked:
         gains.append(left_in_turn(objective, state.now.hypothesis, i, slopes).p_value)
-        if gains[-1] <= HOPELESS:
+        if gains[-1] <= THRESHOLDS.hopeless:
             return True
     for i, p_value in zip(asked, gains, strict=True):
         reason = "recordings left out in turn gain nothing by it, and many effects are there"
-        log.add(state.now.hypothesis[i], "holdout", False, p_value, HOPELESS, reason)
+        log.add(state.now.hypothesis[i], "holdout", False, p_value, THRESHOLDS.hopeless, reason)
     return not asked
 
 
