@@ -88,7 +88,7 @@ class Thresholds:
     """[nats] The same for the best hypotheses of each joint: another joint may just be worse."""
     most_effects: int = 16
     """[1] Effects that a search stops at."""
-    crowded: int = 2
+    many_effects: int = 2
     """[effects a joint] Beyond so many another has to show in recordings left out in turn, too:
     what follows no law exactly has always one more that fits it. Set by an SO-101."""
     equivalent_nats: float = 4.0

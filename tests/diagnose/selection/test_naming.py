@@ -202,4 +202,4 @@ def test_several_names_that_fall_short_beside_something_unknown_are_doubted_toge
         estimated = estimate(replays, tuple(a.planted for a in two_at_one))
         beside = Mock(spec=Unknown, planted=law)
         claims = Claims(two_at_one, estimated, (), (beside,))
-        assert proofs._crowded(claims) == doubted
+        assert proofs._standing_in(claims) == doubted

@@ -264,12 +264,14 @@ class Naming:
             for i in range(len(proven.accepted))
             if i in curves.replaced or self._doubtful(proven, i)
         }
-        crowded = self._crowded(named)
-        for given_up in filter(None, dict.fromkeys(map(frozenset, (doubtful | crowded, doubtful)))):
+        standing_in = self._standing_in(named)
+        for given_up in filter(
+            None, dict.fromkeys(map(frozenset, (doubtful | standing_in, doubtful)))
+        ):
             rest = tuple(a for i, a in enumerate(proven.accepted) if i not in given_up)
             others = self.proven(rest, known={a.planted.key for a in rest})
             unnamed = self._with_unknown(replace(others, events=proven.events), curves)
-            if self._better(unnamed, named, bool(curves), bool(given_up & crowded)):
+            if self._better(unnamed, named, bool(curves), bool(given_up & standing_in)):
                 return unnamed
             for i in sorted(given_up):
                 reason = "nothing without a name is proven to predict held-out recordings better"
@@ -277,7 +279,7 @@ class Naming:
                 self.log.add(hypothesis[i], "doubted", True, laws, 1.0, reason)
         return named
 
-    def _crowded(self, named: Claims) -> set[int]:
+    def _standing_in(self, named: Claims) -> set[int]:
         """Names at joints that err although something unknown was learned beside several of them.
 
         They may stand in for one law together, each for a part that it says better than others do.
@@ -382,17 +384,17 @@ class Naming:
         return doubtful
 
     def _better(
-        self, unnamed: Claims, named: Claims, curves: bool = False, crowded: bool = False
+        self, unnamed: Claims, named: Claims, curves: bool = False, standing_in: bool = False
     ) -> bool:
         """True if an unnamed law predicts held-out data better, significantly and materially.
 
-        It is none if it says what the names say; of several that are crowded, none says it.
+        It is none if it says what the names say; of several that stand in for one, none says it.
 
         Times that were read off the held-out data, too, predict nothing, and names with such among
         them predict less than they seem to: in their place the law has to be no worse. So it has
         in place of curves in disguise.
         """
-        if not unnamed.unknown or not (curves or crowded or not self._theirs(unnamed, named)):
+        if not unnamed.unknown or not (curves or standing_in or not self._theirs(unnamed, named)):
             return False
         replaced = _replaced(unnamed, named)
         read_off = bool(replaced) and all(p.observed() for p in replaced)

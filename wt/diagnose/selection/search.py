@@ -207,7 +207,7 @@ def _foretold(
     Where a machine follows no law exactly, there is always one more that fits what it did. With
     many there, at least one of those that join has to show in parts that it was not fitted to.
     """
-    few = THRESHOLDS.crowded * len(objective.scene.joints)
+    few = THRESHOLDS.many_effects * len(objective.scene.joints)
     if len(state.accepted) <= few or objective.scene.free:
         return True
     names = {a.planted.key for a in joined}
