@@ -264,14 +264,13 @@ class Naming:
             for i in range(len(proven.accepted))
             if i in curves.replaced or self._doubtful(proven, i)
         }
-        standing_in = self._standing_in(named)
-        for given_up in filter(
-            None, dict.fromkeys(map(frozenset, (doubtful | standing_in, doubtful)))
-        ):
+        together = self._standing_in(named)
+        ways = dict.fromkeys(frozenset(i) for i in (doubtful | together, doubtful) if i)
+        for given_up in ways:
             rest = tuple(a for i, a in enumerate(proven.accepted) if i not in given_up)
             others = self.proven(rest, known={a.planted.key for a in rest})
             unnamed = self._with_unknown(replace(others, events=proven.events), curves)
-            if self._better(unnamed, named, bool(curves), bool(given_up & standing_in)):
+            if self._better(unnamed, named, bool(curves), bool(given_up & together)):
                 return unnamed
             for i in sorted(given_up):
                 reason = "nothing without a name is proven to predict held-out recordings better"
