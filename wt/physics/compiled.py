@@ -149,14 +149,8 @@ _step: Any = intrinsic(_stepping)
 
 
 def _advance(
-    t: np.ndarray,
-    h: float,
-    u: np.ndarray,
-    extra: np.ndarray,
-    wrenches: np.ndarray,
-    laws: np.ndarray,
-    dofs: np.ndarray,
-    figures: np.ndarray,
+    inputs: tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray],
+    acting: tuple[np.ndarray, np.ndarray, np.ndarray],
     sides: np.ndarray,
     controls: np.ndarray,
     machine: tuple[int, int, int, int],
@@ -166,14 +160,12 @@ def _advance(
     """Step one replay with what acts on it, until MuJoCo warns of it; False where it went wrong.
 
     Args:
-        t: time of each step, (steps,) [s].
-        h: length of a step [s].
-        u: commands, (steps, nu).
-        extra: forces beside those of laws, (steps, nv) [N·m or N].
-        wrenches: forces and torques on all bodies, (steps, 6 nbody or 0 for none) [N, N·m].
-        laws: address of the law of each place, (places,).
-        dofs: degree of freedom, or drives' side of its joint, that each acts on, (places,).
-        figures: addresses of the parameters and of what else is its own of each, (places, 2).
+        inputs: time of each step, (steps,) [s]; length of a step [s]; commands, (steps, nu); forces
+            beside those of laws, (steps, nv) [N·m or N]; forces and torques on all bodies, (steps,
+            6 nbody or 0 for none) [N, N·m].
+        acting: address of the law of each place, (places,); degree of freedom, or drives' side of
+            its joint, that it acts on, (places,); addresses of its parameters and of what else is
+            its own, (places, 2).
         sides: addresses of the machine's joints in qpos and qvel of the patched model, and behind
             them of their drives' sides, (2 nv,).
         controls: the command that each of its controls takes.
@@ -184,6 +176,7 @@ def _advance(
         path: where it is before each step, and behind the last, (steps + 1, 2 nv): written; NaN
             behind where it has exploded.
     """
+    (t, h, u, extra, wrenches), (laws, dofs, figures) = inputs, acting
     nv, steps = len(sides) // 2, len(t)
     step, model, data, landing = machine
     qpos, qvel, ctrl, applied, xfrc, warned = state

@@ -99,7 +99,7 @@ class Stepped:
             wrenches = job.wrenches(piece) if given.force else np.zeros((len(extra), 0))
             inputs = given.t[piece], given.h, given.u[piece], extra, wrenches
             machine = step, job.model._address, d._address, landing.address
-            if not advance(*inputs, *laws, job.sides, job.controls, machine, state, path[row]):
+            if not advance(inputs, laws, job.sides, job.controls, machine, state, path[row]):
                 raise cannot_step(landing.said())
             mujoco.mj_getState(job.model, d, self._states[row], _STATE)
             self._warned[row] = d.warning.number.any()
