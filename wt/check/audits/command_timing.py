@@ -49,7 +49,6 @@ class CommandTiming:
         names = tuple(f"ctrl/{row.drive.name}" for row in balance.rows)
         elements = tuple(f"actuator {row.drive.name}" for row in balance.rows)
         dt = balance.signals.dt
-        gain = gain if _several(balance, lead) else 0.0
         if gain >= _DECISIVE and 0.2 < lead < 0.75 and dt >= _SLOW_S and not agreed:
             yield AuditFinding(
                 "command_rate",
@@ -90,16 +89,6 @@ def _total(balance: Balance, lead: float) -> float:
     return float(_left(balance, lead).mean())
 
 
-def _several(balance: Balance, lead: float) -> bool:
-    """Tell whether a lead explains more of at least two drives' motion, or of the only one's.
-
-    A log has all commands early. A drive that feeds the velocity of its command forward answers as
-    if its own came early, and the others, which do not move with it, as they should.
-    """
-    gained = _left(balance, 0.0) - _left(balance, lead) > _ALIKE
-    return bool(gained.sum() >= min(2, len(gained)))
-
-
 def _periods(balance: Balance) -> int:
     """The fewest periods of the controller in one of the log that explain the motion.
 
@@ -112,12 +101,19 @@ def _periods(balance: Balance) -> int:
 
 
 def _lead(balance: Balance) -> tuple[float, float]:
-    """The fewest samples that commands have to come earlier, and what moving them gains."""
-    totals = [_total(balance, float(lead)) for lead in _LEADS]
+    """The fewest samples that commands have to come earlier, and what moving them gains.
+
+    Nothing, unless of at least two drives, or of the only one. A log has all commands early. A
+    drive that feeds the velocity of its command forward answers as if its own came early, and the
+    others, which do not move with it, as they should.
+    """
+    left = np.array([_left(balance, float(lead)) for lead in _LEADS])
+    totals = left.mean(axis=1)
     # the balance allows for any delay, so more of a lead than there is does no harm
-    enough = int(np.flatnonzero(np.array(totals) <= min(totals) + _ALIKE)[0])
-    none = float(np.interp(0.0, _LEADS, totals))
-    return float(_LEADS[enough]), none - totals[enough]
+    enough = int(np.flatnonzero(totals <= totals.min() + _ALIKE)[0])
+    gained = left[np.argmin(np.abs(_LEADS))] - left[enough]
+    several = (gained > _ALIKE).sum() >= min(2, len(gained))
+    return float(_LEADS[enough]), float(gained.mean()) if several else 0.0
 
 
 def _agreed(balance: Balance) -> bool:

@@ -295,7 +295,7 @@ class Naming:
         """Indices of effects that leave: one that some recording contradicts, or may be nothing.
 
         Of those that may as well be nothing the weakest; of each joint where drives hold a machine.
-        None if all are both possible and certain.
+        Nothing, if all are both possible and certain.
         """
         for i, p in enumerate(estimated.hypothesis):
             for motion in (self.screen.motion, self.holdout.smoothed.motion):

@@ -278,13 +278,16 @@ def _needed(
     def usual(i: int) -> int:
         return get_args(Common).index(joint.laws[i].forms[0][0].common)
 
-    def priced(kept: Sequence[int], loglik: float) -> float:
-        solved = _solved(joint, there, slope, theta, kept)[1]
+    def priced(kept: Sequence[int], loglik: float, solved: Theta) -> float:
         fit = replace(there, hypothesis=joint.hypothesis(solved, kept), loglik=loglik)
         return merit(joint.objective, fit)
 
     def merit_of(kept: Sequence[int]) -> float:
-        return priced(kept, _solved(joint, there, slope, theta, kept)[0])
+        return priced(kept, *_solved(joint, there, slope, theta, kept))
+
+    def foretold(kept: list[int]) -> float:
+        solved = _solved(joint, there, slope, theta, kept)[1]
+        return priced(kept, _foretold(joint, there, slope, theta, kept), solved)
 
     # an encoder's scale is no force, and stands in for some: it only helps to find these
     kept = [i for i, law in enumerate(joint.laws) if not isinstance(law.forms[0][0], OnOutputs)]
@@ -296,4 +299,4 @@ def _needed(
         leaves = min(close, key=lambda i: (usual(i), -less[i]))
         kept = [k for k in kept if k != leaves]
         ways.append((less[leaves], kept))
-    return max(ways, key=lambda way: priced(way[1], _foretold(joint, there, slope, theta, way[1])))
+    return max(ways, key=lambda way: foretold(way[1]))
