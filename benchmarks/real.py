@@ -28,6 +28,7 @@ import numpy as np
 from wt.diagnose.pipeline import STEP_S, diagnose
 from wt.diagnose.recordings.prepare import unsplit
 from wt.diagnose.recordings.smooth import smooth
+from wt.diagnose.report.write import write
 from wt.diagnose.result import Diagnosis
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout
 from wt.errors import UserError, WorkError
@@ -127,7 +128,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             rival = rival_of(args.rival, model, fit, args.seed)
             print(errors_table(found, model, held, known, rival))
             if args.out:
-                found.write(args.out)
+                write(found, args.out)
             for name in known.elsewhere:
                 log = machine.read(args.recordings, name)
                 print(transfer_line(found, rival, log, known, model))
@@ -197,27 +198,29 @@ def rival_of(name: str | None, model: Path, fit: Sequence[Recording], seed: int)
 def errors_table(
     found: Diagnosis, model: Path, held: Sequence[Recording], known: Known, rival: Fitted | None
 ) -> str:
-    """Held-out RMSE per joint; the last column is the findings' over the published parameters'."""
+    """Held-out RMSE per joint, all by the same replays.
+
+    The last column is that of what was named over that of the published parameters.
+    """
     scene = Scene(model)
     kept = prepared_holdout(scene, held)
-    others = [published(known), *([rival.hypothesis] if rival else [])]
-    squares = np.nanmean(errors(kept, others, STEP_S) ** 2, axis=1)
-    stock = dict(zip(scene.joints, np.sqrt(squares).T, strict=True))
+    some = [(), published(known), *([rival.hypothesis] if rival else []), planted(found)]
+    squares = np.nanmean(errors(kept, some, STEP_S) ** 2, axis=1)
+    rmse = dict(zip(scene.joints, np.sqrt(squares).T, strict=True))
     what = "long stretches" if kept.forgets else "restarted every 0.5 s"
     beside = f"{'published':>11}" + (f"{'sysid':>11}" if rival else "")
     lines = [
         f"\nheld out, {what}; {known.reference!r} beside it",
-        f"{'RMSE':<16}{'model':>10}{beside}{'findings':>10}{'noise':>10}{'ratio':>8}",
+        f"{'RMSE':<16}{'model':>10}{beside}{'named':>10}{'noise':>10}{'ratio':>8}",
     ]
     rows = [
-        (name, np.array([e.before, *stock[name], e.after, e.noise_floor]))
-        for name, e in found.proof.joints.items()
+        (name, np.array([*rmse[name], e.noise_floor])) for name, e in found.proof.joints.items()
     ]
     rows.append(("mean", np.mean([row for name, row in rows if name in known.joints], axis=0)))
-    for name, (before, *theirs, after, noise) in rows:
+    for name, (before, *theirs, named, noise) in rows:
         lines.append(
-            f"{name:<16}{before:>10.4f}{''.join(f'{x:>11.4f}' for x in theirs)}{after:>10.4f}"
-            f"{noise:>10.5f}{after / theirs[0]:>8.2f}"
+            f"{name:<16}{before:>10.4f}{''.join(f'{x:>11.4f}' for x in theirs)}{named:>10.4f}"
+            f"{noise:>10.5f}{named / theirs[0]:>8.2f}"
         )
     for unit, ahead in found.proof.horizons.items():
         for horizon, (before, after) in ahead.items():

@@ -85,6 +85,14 @@ def test_what_few_knots_miss_is_told_from_noise_step_by_step() -> None:
     assert slowest(scores, white, spacings, 7000) is None
 
 
+def test_what_finer_curves_leave_white_is_no_noise() -> None:
+    """Scores and correlations of a real pendulum, which 24 samples a knot miss now and then."""
+    spacings = [1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0]
+    deviations = np.array([3.01, 2.50, 2.24, 2.15, 2.12, 2.14, 2.30, 2.74, 4.25])
+    alikes = [-0.82, -0.61, -0.35, -0.21, -0.05, 0.05, 0.24, 0.47, 0.79]
+    assert slowest(list(deviations**2), alikes, spacings, 4999) is None
+
+
 def test_few_samples_a_knot_tell_no_colour() -> None:
     """Of a slow log nobody knows whether what its curves leave is noise or motion."""
     t = np.arange(1200) / 100.0

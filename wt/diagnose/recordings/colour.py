@@ -28,6 +28,9 @@ little more than what white noise has."""
 _AS_GOOD = 1.02
 """Share by which the errors of a curve of more knots may be larger than the best one's: where a
 motion is fast for a while only, fewer miss it."""
+_WHITER = 0.12
+"""Correlation by which a curve of more knots may leave less alike than noise of a colour would."""
+_WHITE_FROM = 3.0  # samples a knot from which on what a curve leaves tells colours apart
 _FAR = 3.0  # robust deviations: what is farther off is a jolt that a curve misses
 _PART, _MORE = (50, 200), 3.0  # samples of a part; of the median of what is left in each
 
@@ -128,7 +131,8 @@ def slowest(
     fine knots predicts each sample from those beside it, and seems the better for it (N. S. Altman,
     Kernel smoothing of data with correlated errors, 1990). So errors are whitened first, by the
     colour that the curve shows which is best by then, from the one of the fewest knots on: what
-    that misses of a motion is alike, too, but far larger than any noise, so that another is better.
+    that misses of a motion is alike, too, but far larger than any noise, so that another is better,
+    or is gone from what curves of more knots leave, where noise would leave its colour.
 
     Args:
         scores: of each curve, by cross-validation.
@@ -144,6 +148,9 @@ def slowest(
         colour = colour_of(alikes[best], spacings[best], count)
         if not colour or spacings[best] < _TELLING:
             return None
+        if _gone(colour, alikes[:best], spacings[:best]):
+            best -= 1
+            continue
         # mean square of e(k) − ρ e(k − 1)
         whitened = np.array(scores) * (1.0 + colour**2 - 2.0 * colour * np.array(alikes))
         better = int(np.argmax(whitened <= _AS_GOOD * whitened.min()))
@@ -151,6 +158,15 @@ def slowest(
             return best, colour
         best = better
     return None
+
+
+def _gone(colour: float, alikes: Sequence[float], spacings: Sequence[float]) -> bool:
+    """Whether curves of more knots leave samples that are less alike than noise of a colour."""
+    return any(
+        found < _left(np.array([colour]), spacing)[1][0] - _WHITER
+        for found, spacing in zip(alikes, spacings, strict=True)
+        if spacing >= _WHITE_FROM
+    )
 
 
 def _left(
