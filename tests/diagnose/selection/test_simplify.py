@@ -194,6 +194,43 @@ def test_a_gear_says_alone_what_friction_by_load_and_by_speed_do_together(tmp_pa
     assert {r.effect.id for r in accepted[0].rivals} == set(thetas)
 
 
+@pytest.mark.parametrize(
+    ("name", "theta", "with_more", "with_too_little"),
+    [
+        ("joint.friction_stribeck", [0.1, 0.3, 0.2], [0.3, 0.5, 0.2], -0.11),
+        ("joint.friction_load", [0.1, 0.3], [0.3, 0.3], -0.11),
+        ("joint.friction_position", [0.1, 0.6, 2.0, 1.0], [0.3, 0.2, 2.0, 1.0], -0.06),
+    ],
+)
+def test_laws_with_dry_friction_in_them_say_what_stands_beside_them(
+    two_ways: World, name: str, theta: list[float], with_more: list[float], with_too_little: float
+) -> None:
+    law = effects()[name]
+    assert isinstance(law, Uniting)
+    for dry, united_theta in ((0.2, with_more), (with_too_little, None)):
+        parts = {name: np.array(theta), "joint.friction_coulomb": np.array([dry])}
+        assert set(parts) == set(law.unites)
+        found = law.union(two_ways.screen.motion, J2, parts)
+        assert found is None if united_theta is None else found == pytest.approx(united_theta)
+    assert law.union(two_ways.screen.motion, J2, {"joint.friction_coulomb": np.ones(1)}) is None
+
+
+def test_friction_that_falls_with_speed_is_said_once(tmp_path: Path) -> None:
+    """Beside dry friction what is left of it is larger at rest, too."""
+
+    def falls(q: float, v: float) -> float:
+        return -(0.1 + 0.25 * float(np.exp(-((v / 0.3) ** 2)))) * float(np.tanh(v / 1e-3))
+
+    sticky = world(tmp_path, 2, on_joint(1, falls), 5.0)
+    thetas = {"joint.friction_coulomb": [0.1], "joint.friction_stribeck": [0.0, 0.25, 0.3]}
+    parts = tuple(Planted(effects()[name], J2, np.array(x)) for name, x in thetas.items())
+    given = tuple(Accepted(p, (), ()) for p in parts)
+    before = estimate(sticky.objective, parts)
+    accepted, after = united(sticky.objective, given, before, DecisionLog())
+    assert [a.planted.effect.id for a in accepted] == ["joint.friction_stribeck"]
+    assert after.hypothesis[0].theta == pytest.approx([0.1, 0.35, 0.3], rel=0.25)
+
+
 def test_a_law_is_needed_where_something_else_is_left_beside_it(tmp_path: Path) -> None:
     """What errs anyway is no reason to err by ten times as much."""
     yields, stiffness, last = 0.3, 3.0, [0.0, 0.0]  # bent by a tenth of a radian

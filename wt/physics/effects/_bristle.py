@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +10,9 @@ from jaxtyping import Float, Int
 
 from wt.physics.driving import between
 from wt.physics.effects._tools import effective_inertia
-from wt.physics.hooks import OnSteps
+from wt.physics.hooks import OnSteps, Uniting
 from wt.physics.live import Law, Live, Values, in_laws
+from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.script import Helper, Script
 from wt.types import Location
@@ -91,3 +92,23 @@ class BristleFriction(OnSteps):
             "f[:, dof] += friction",
         )
         return Script(force=force, helpers=(helper, "bristle"))
+
+
+class WithDryFriction(Uniting, BristleFriction):
+    """Base of laws that have dry friction in them, so that none has to stand beside them.
+
+    Attributes:
+        dry: the parameters that dry friction adds to.
+    """
+
+    dry: ClassVar[tuple[int, ...]] = (0,)
+
+    def union(
+        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+    ) -> Float[np.ndarray, " parameter"] | None:
+        """This law with the dry friction beside it, unless that takes away more than there is."""
+        if self.id not in parts:
+            return None
+        theta = parts[self.id].copy()
+        theta[list(self.dry)] += parts["joint.friction_coulomb"][0]
+        return theta if theta[0] >= 0.0 else None

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from wt.physics.driving import all_drives, force_of_all
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._bristle import BRISTLE, BristleFriction, brake
+from wt.physics.effects._bristle import BRISTLE, WithDryFriction, brake
 from wt.physics.effects._tools import mean_weight
 from wt.physics.hooks import Intervals, Nested
 from wt.physics.live import Law, Values
@@ -31,7 +31,7 @@ def _loaded(
 
 
 @register
-class FrictionLoad(Nested, BristleFriction):
+class FrictionLoad(Nested, WithDryFriction):
     """τ = −sign(v) · (coulomb + fraction · |drive force|), with the force before friction."""
 
     id = "joint.friction_load"
@@ -43,6 +43,7 @@ class FrictionLoad(Nested, BristleFriction):
     )
     reference = "M. Duclusaud et al., Extended friction models for servo actuators, ICRA 2025"
     native = False
+    unites = ("joint.friction_coulomb", "joint.friction_load")
     signed = (1, 1)
     looks_like = ("dry friction",)
     plotted_over = "velocity"

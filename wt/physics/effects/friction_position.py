@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._bristle import BristleFriction, brake
+from wt.physics.effects._bristle import WithDryFriction, brake
 from wt.physics.effects._tools import TURN, add_dry_friction
 from wt.physics.hooks import Beyond, Intervals, Nested
 from wt.physics.live import Figures, Law, Values, in_laws
@@ -37,7 +37,7 @@ def _along(
 
 
 @register
-class FrictionPosition(Nested, BristleFriction):
+class FrictionPosition(Nested, WithDryFriction):
     """τ = −sign(v) · coulomb · (1 + depth · sin(2π q / wavelength + phase))."""
 
     id = "joint.friction_position"
@@ -54,6 +54,7 @@ class FrictionPosition(Nested, BristleFriction):
         "International Conference on Robotics and Automation, 1988"
     )
     native = False
+    unites = ("joint.friction_coulomb", "joint.friction_position")
     odds_against = 4.0
     signed = (1, 0, 0)
     looks_like = ("dry friction",)
@@ -98,6 +99,16 @@ class FrictionPosition(Nested, BristleFriction):
         ahead = -2.0 * np.pi * middle / wave
         phases = [np.arctan2(np.sin(ahead + x), np.cos(ahead + x)) for x in np.pi * np.arange(2)]
         return [((wave,), np.array([theta[0], _BEGUN, wave, phase])) for phase in phases]
+
+    def union(
+        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+    ) -> Float[np.ndarray, " parameter"] | None:
+        """The same wave about more friction, or less, is less deep, or deeper."""
+        theta = super().union(motion, at, parts)
+        if theta is None or theta[0] == 0.0:
+            return None
+        theta[1] *= parts[self.id][0] / theta[0]
+        return theta if theta[1] <= 1.0 else None
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]

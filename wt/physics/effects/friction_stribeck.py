@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from wt.physics.effect import Parameter, Shape, register
-from wt.physics.effects._bristle import BristleFriction, brake
+from wt.physics.effects._bristle import WithDryFriction, brake
 from wt.physics.effects._tools import (
     compiled,
     effective_inertia,
@@ -38,7 +38,7 @@ def _sticking(
 
 
 @register
-class FrictionStribeck(Nested, BristleFriction):
+class FrictionStribeck(Nested, WithDryFriction):
     """τ = −sign(v) · (coulomb + (static − coulomb) · exp(−(v / velocity)²))."""
 
     id = "joint.friction_stribeck"
@@ -53,6 +53,8 @@ class FrictionStribeck(Nested, BristleFriction):
         "C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, A new model for control of "
         "systems with friction, IEEE Transactions on Automatic Control 40(3), 1995"
     )
+    unites = ("joint.friction_coulomb", "joint.friction_stribeck")
+    dry = (0, 1)
     signed = (1, 1)
     looks_like = ("dry friction", "friction by speed")
     plotted_over = "velocity"
