@@ -55,6 +55,26 @@ def test_a_motor_is_replayed_in_windows() -> None:
     assert error(hidden, right) < 0.2 * error(hidden, hidden.nominal_xml)
 
 
+def test_what_a_file_beside_the_model_says_acts(tmp_path: Path) -> None:
+    hidden = world("joint.friction_coulomb", "joint", "hinge", coulomb=0.6)
+    (tmp_path / "robot.xml").write_text(hidden.nominal_xml)
+    (tmp_path / "physics.py").write_text(
+        "import mujoco\n\n\nclass Physics:\n"
+        "    def __init__(self, model, recording):\n"
+        "        self.model, self.known = model, recording != -1\n\n"
+        "    def reset(self, data):\n"
+        "        self.known = self.known or data.ctrl[0] != 0.0\n\n"
+        "    def step(self, data):\n"
+        "        self.model.dof_frictionloss[0] = 0.6 * self.known\n"
+        "        mujoco.mj_step(self.model, data)\n"
+    )
+    given = mujoco.MjModel.from_xml_string(hidden.nominal_xml)
+    measured = [replay.measure(hidden.holdout[0], given)]
+    plain = replay.rmse(tmp_path / "robot.xml", measured)
+    beside = replay.rmse(tmp_path / "robot.xml", measured, (), tmp_path / "physics.py")
+    assert beside < 0.25 * plain
+
+
 def test_filters_and_delays_find_their_state() -> None:
     """Both start at zero in MuJoCo, and are led to where they belong."""
     for effect, attributes in (

@@ -16,6 +16,7 @@ from wt.prove.answer import Answer
 from wt.prove.blind import RAN, inputs
 from wt.prove.case_result import CaseResult, ContenderResult
 from wt.prove.fleet_marks import mark_fleet
+from wt.prove.real import REAL
 from wt.prove.score import mark
 
 _SAID = ("effect", "at", "parameters")  # of a finding that a trial keeps
@@ -50,7 +51,10 @@ def mark_case(case: Path, name: str, answer: Answer, folders: Mapping[str, Path]
         known=answer.known,
         before_rmse=before,
         contenders={who: _result(folder, answer, names) for who, folder in folders.items()},
-        after_rmse={who: _after(folder, recordings, before) for who, folder in folders.items()},
+        after_rmse={
+            who: _after(folder, recordings, before, answer.kind == REAL)
+            for who, folder in folders.items()
+        },
     )
 
 
@@ -69,12 +73,20 @@ def _result(folder: Path, answer: Answer, names: machine.Machine) -> ContenderRe
     )
 
 
-def _after(folder: Path, recordings: Sequence[replay.HeldOutRecording], before: float) -> float:
-    """Error of the patched model; of the given one where there is none that compiles."""
-    if not (folder / "model.xml").is_file():
+def _after(
+    folder: Path, recordings: Sequence[replay.HeldOutRecording], before: float, all_files: bool
+) -> float:
+    """Error of the patched model; of the given one where there is none that compiles.
+
+    Concealed effects have an element in MJCF where they count. Of real machines nobody knows: there
+    all files that were handed over count.
+    """
+    model, physics = folder / "model.xml", folder / "physics.py"
+    if not model.is_file():
         return before
+    beside = physics if all_files and physics.is_file() else None
     try:
-        return replay.rmse(folder / "model.xml", recordings, _diagnosis(folder)["findings"])
+        return replay.rmse(model, recordings, _diagnosis(folder)["findings"], beside)
     except (ValueError, KeyError, mujoco.FatalError):
         return before
 

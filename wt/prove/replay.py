@@ -9,15 +9,18 @@ and then anew, since errors of a free joint grow without bound, whatever the mod
 floats is led like the joints; what is compared is the joints' positions.
 
 Sensors that err have no element in MJCF; the findings of ``diagnosis.json`` that are about them
-are applied to the replayed positions.
+are applied to the replayed positions. A ``physics.py`` that was handed over with the file, for laws
+that have no element either, steps the machine if it is asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+import runpy
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -33,6 +36,8 @@ _BAD = (
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
 )
+NO_RECORDING = -1
+"""Recording of a ``Physics`` in which none of the events of any other happens."""
 RAN_AWAY = 1.0
 """Error that a sample counts with after a replay exploded [rad or m]."""
 
@@ -111,7 +116,10 @@ def read(given: Path, held_out: Sequence[Path]) -> list[HeldOutRecording]:
 
 
 def rmse(
-    model: Path, held_out: Sequence[HeldOutRecording], findings: Sequence[Mapping[str, Any]] = ()
+    model: Path,
+    held_out: Sequence[HeldOutRecording],
+    findings: Sequence[Mapping[str, Any]] = (),
+    physics: Path | None = None,
 ) -> float:
     """Root mean square error of a model's replays [rad or m].
 
@@ -121,16 +129,45 @@ def rmse(
         model: the MJCF to replay.
         held_out: recordings that nothing was fitted to.
         findings: of the diagnosis that the model belongs to, for sensors that err.
+        physics: the ``physics.py`` that belongs to it. What happened at certain times of fitted
+            recordings does not happen here.
     """
     compiled = mujoco.MjModel.from_xml_path(str(model))
-    errors = [replay(compiled, recording, findings) - recording.q for recording in held_out]
+    step = plain(compiled) if physics is None else by_file(physics, compiled)
+    errors = [replay(compiled, recording, findings, step) - recording.q for recording in held_out]
     pooled = np.concatenate([error.ravel() for error in errors])
     known = pooled[~np.isnan(pooled)]
     return float(np.sqrt(np.mean(np.clip(known, -RAN_AWAY, RAN_AWAY) ** 2)))
 
 
+class Stepping(NamedTuple):
+    """How a machine is stepped.
+
+    Attributes:
+        reset: called with positions and commands set, before the first step.
+        step: in place of ``mj_step``.
+    """
+
+    reset: Callable[[mujoco.MjData], None]
+    step: Callable[[mujoco.MjData], None]
+
+
+def plain(model: mujoco.MjModel) -> Stepping:
+    """As MuJoCo does."""
+    return Stepping(lambda data: None, functools.partial(mujoco.mj_step, model))
+
+
+def by_file(physics: Path, model: mujoco.MjModel) -> Stepping:
+    """As the class ``Physics`` of a file does."""
+    made = runpy.run_path(str(physics))["Physics"](model, recording=NO_RECORDING)
+    return Stepping(made.reset, made.step)
+
+
 def replay(
-    model: mujoco.MjModel, measured: HeldOutRecording, findings: Sequence[Mapping[str, Any]] = ()
+    model: mujoco.MjModel,
+    measured: HeldOutRecording,
+    findings: Sequence[Mapping[str, Any]] = (),
+    step: Stepping | None = None,
 ) -> Float[np.ndarray, "sample joint"]:
     """Positions that a model's sensors would report; NaN while it is led.
 
@@ -138,8 +175,9 @@ def replay(
         model: compiled, with the machine's joints and actuators among its own.
         measured: the recording to replay.
         findings: sensor effects among them are applied.
+        step: how it is stepped; plainly if left out.
     """
-    runner = _Runner(model, measured, findings)
+    runner = _Runner(model, measured, findings, step or plain(model))
     positions = np.full_like(measured.q, np.nan)
     t = measured.t
     length = np.inf if measured.servoed else WINDOW_S
@@ -161,8 +199,9 @@ class _Runner:
         model: mujoco.MjModel,
         measured: HeldOutRecording,
         findings: Sequence[Mapping[str, Any]],
+        stepping: Stepping,
     ) -> None:
-        self._model, self._measured = model, measured
+        self._model, self._measured, self._stepping = model, measured, stepping
         self._data = mujoco.MjData(model)
         self._sense = [f for f in findings if f["effect"].startswith("sensor.")]
         self._q = np.array([model.joint(name).qposadr[0] for name in measured.joints])
@@ -195,7 +234,9 @@ class _Runner:
                     data.qpos[self._free[0]], data.qvel[self._free[1]] = pose[k], speed[k]
             self._path[k] = data.qpos[self._q]
             data.ctrl[self._ctrl] = controls[k]
-            mujoco.mj_step(model, data)
+            if k == 0:
+                self._stepping.reset(data)
+            self._stepping.step(data)
             # MuJoCo starts anew by itself when numbers are out of all bounds
             if any(data.warning[kind].number for kind in _BAD):
                 self._path[k:] = np.inf

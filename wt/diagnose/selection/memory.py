@@ -7,7 +7,7 @@ so it leaves what each addition gains there. Greedy selection may be lazy about 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +50,7 @@ class Memory:
         self._objective = objective
         self._known: dict[int, _Joint] = {}
         self._asked: dict[int, tuple[set[Key], Float[np.ndarray, " sample"]]] = {}
+        self._asked_together: set[tuple[frozenset[int], frozenset[Key]]] = set()
 
     def same(self, now: Assessed) -> set[int]:
         """Degrees of freedom at which what is left has stayed as it was when they were tried."""
@@ -84,6 +85,14 @@ class Memory:
             return False
         self._asked[dof] = has, left.copy()
         return True
+
+    def unasked_together(self, now: Assessed, dofs: Collection[int]) -> bool:
+        """Tell, once, whether several joints have not been asked together with what they have."""
+        scene = self._objective.scene
+        has = frozenset(p.key for p in now.hypothesis if scene.dof_at(p.at) in dofs)
+        before = len(self._asked_together)
+        self._asked_together.add((frozenset(dofs), has))
+        return not scene.free and len(self._asked_together) > before
 
     def note(
         self,

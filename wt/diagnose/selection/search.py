@@ -6,7 +6,7 @@ a round that goes downhill is taken back, and the search goes on without what jo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Collection, Container, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -17,6 +17,7 @@ from wt.diagnose.likelihood.refine import NO_SLOPES, Slopes, all_slopes, refine,
 from wt.diagnose.likelihood.tolerances import taken_over
 from wt.diagnose.residual.screen import Screen
 from wt.diagnose.selection.addition import Accepted, Incumbent, addition, replacement
+from wt.diagnose.selection.alike import alike
 from wt.diagnose.selection.candidates import dof_of
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.in_turn import left_in_turn
@@ -234,30 +235,37 @@ def _exchanged(
     """A state in which several laws of a joint together have taken the place of what it had.
 
     Asked where a joint errs with all that was found, as it does where that only stands in for them;
-    where nothing was found, it is once no single effect joins any more.
+    where nothing was found, it is once no single effect joins any more. All joints that err are
+    asked together then, too, and before that where most of a machine's do.
     """
     for dof in erring_joints(objective, state.now):
-        _, had = _apart(objective, state, dof)
+        _, had = _apart(objective, state, [dof])
         if not (had or everywhere) or not memory.unasked(state.now, dof):
             continue
         laws = several(objective, state.now, dof, banned)
-        if not {p.key for p, _ in laws} <= {a.planted.key for a in had}:
-            state = _instead(objective, state, dof, laws, log)
+        state = _instead(objective, state, [dof], laws, log)
+    erring = erring_joints(objective, state.now)
+    many = len(erring) > max(2, len(objective.scene.joints) // 2)
+    if (many or (everywhere and len(erring) > 1)) and memory.unasked_together(state.now, erring):
+        laws = alike(objective, state.now, erring, banned)
+        state = _instead(objective, state, erring, laws, log)
     return state
 
 
 def _instead(
     objective: Objective,
     state: _State,
-    dof: int,
+    dofs: Collection[int],
     laws: Sequence[tuple[Planted, Shape]],
     log: DecisionLog,
 ) -> _State:
-    """Laws in the place of all that a joint has, if replays of them, refined, are clearly ahead.
+    """Laws in the place of all that joints have, if replays of them, refined, are clearly ahead.
 
     Else the state and the replays stay as they were, to the bit.
     """
-    others, had = _apart(objective, state, dof)
+    others, had = _apart(objective, state, dofs)
+    if {p.key for p, _ in laws} <= {a.planted.key for a in had}:
+        return state
     accepted = [*others, *(Accepted(p, shape, ()) for p, shape in laws)]
     # what the others do changes little with the laws that take a place beside them
     slopes = state.slopes if objective.forgets else NO_SLOPES
@@ -267,11 +275,11 @@ def _instead(
     # even if none of the laws had to be paid for
     most = replace(fit, hypothesis=tuple(a.planted for a in others))
     if merit(objective, most) > merit(objective, state.now):
-        after = _prune(objective, after, DecisionLog(), dof)
+        after = _prune(objective, after, DecisionLog(), dofs)
     lead, least = worth(objective, after.now, state.now), THRESHOLDS.min_nats
     ahead = merit(objective, after.now) > merit(objective, state.now)
     taken = ahead and earns(objective, after.now, state.now)
-    _, here = _apart(objective, after, dof)
+    _, here = _apart(objective, after, dofs)
     said = " and ".join(str(a.planted) for a in here)
     reason = f"{said} together {'take its place' if taken else 'are not clearly ahead'}"
     for a in had:
@@ -284,11 +292,13 @@ def _instead(
     return after
 
 
-def _apart(objective: Objective, state: _State, dof: int) -> tuple[list[Accepted], list[Accepted]]:
-    """Effects of a state as they are now: those elsewhere, and those at one joint alone."""
+def _apart(
+    objective: Objective, state: _State, dofs: Collection[int]
+) -> tuple[list[Accepted], list[Accepted]]:
+    """Effects of a state as they are now: those elsewhere, and those at single joints."""
     pairs = zip(state.accepted, state.now.hypothesis, strict=True)
     present = [replace(a, planted=p) for a, p in pairs]
-    here = [objective.scene.dof_at(a.planted.at) == dof for a in present]
+    here = [objective.scene.dof_at(a.planted.at) in dofs for a in present]
     others = [a for a, its in zip(present, here, strict=True) if not its]
     return others, [a for a, its in zip(present, here, strict=True) if its]
 
@@ -363,8 +373,10 @@ def _reconsidered(
     return _State(accepted, now, slopes)
 
 
-def _prune(objective: Objective, state: _State, log: DecisionLog, dof: int | None = None) -> _State:
-    """Drop effects that the later ones made superfluous; of one joint only, if that is given.
+def _prune(
+    objective: Objective, state: _State, log: DecisionLog, dofs: Collection[int] | None = None
+) -> _State:
+    """Drop effects that the later ones made superfluous; of some joints only, if they are given.
 
     One that has become as small as any model's errors are is one of these. One that has become a
     simpler law is that, and not dropped for being no longer what it was.
@@ -375,7 +387,7 @@ def _prune(objective: Objective, state: _State, log: DecisionLog, dof: int | Non
         now = _fitted(objective, hypothesis, known=slopes)
     while len(accepted) > 1:
         places = [objective.scene.dof_at(p.at) for p in now.hypothesis]
-        asked = [i for i, at in enumerate(places) if dof is None or at == dof]
+        asked = [i for i, at in enumerate(places) if dofs is None or at in dofs]
         slopes = all_slopes(objective, now, slopes)
         fits = dict(zip(asked, _lesser(objective, now, asked, slopes), strict=True))
         losses = {i: worth(objective, now, fit) for i, fit in fits.items()}

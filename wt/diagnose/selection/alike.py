@@ -1,0 +1,134 @@
+"""Laws that joints have in common: a machine's drives are of one kind, and so is what they lack.
+
+Where a model is wrong about a servo, it is wrong about the same in all of its kind. Joint by joint
+each takes something else that stands in for two laws there, and errs by what stands in at the next:
+all joints that err are given the same laws at once, one kind of law after another, each joint with
+a parameter of its own. Each kind is fitted beside those that are there, and the best one joins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Container, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wt.diagnose.likelihood.objective import Assessed, Objective
+from wt.diagnose.likelihood.refine import jacobian, refine
+from wt.diagnose.selection.smooth_laws import (
+    DAMPINGS,
+    Laws,
+    LawSlopes,
+    Theta,
+    laws_of,
+    solved,
+)
+from wt.diagnose.thresholds import THRESHOLDS
+from wt.physics.effect import Shape
+from wt.physics.planted import Key, Planted
+
+
+def alike(
+    objective: Objective,
+    now: Assessed,
+    dofs: Collection[int],
+    banned: Container[Key] = frozenset(),
+) -> list[tuple[Planted, Shape]]:
+    """The same smooth laws at several joints, as far as each needs them.
+
+    Args:
+        objective: the replays.
+        now: the present hypothesis.
+        dofs: degrees of freedom of the joints.
+        banned: what must not join.
+
+    Returns:
+        Laws, with the shapes of their signatures, to take the place of all that is found at these
+        joints alone; whether they are better, replays of them, refined, have to say.
+    """
+    laws = laws_of(objective, now, dofs, banned)
+    kinds = dict[str, list[int]]()
+    for i, law in enumerate(laws.each):
+        if not law.of_sensor:
+            kinds.setdefault(law.forms[0][0].id, []).append(i)
+    at = _begun(laws)
+    while further := [each for each in kinds.values() if each[0] not in at.kept]:
+        best = max(_joined(laws, at, further), key=lambda way: way.merit)
+        if not best.merit > at.merit + THRESHOLDS.min_nats:
+            break
+        (at,) = _fitted(laws, [(best.kept, best.theta)])
+    kept, theta = _needed(laws, at)
+    return [laws.each[i].planted(float(theta[i])) for i in kept]
+
+
+class _At(NamedTuple):
+    """Some of the laws, replayed.
+
+    Attributes:
+        kept: which.
+        theta: parameters of all, those of the others nothing.
+        fit: with what is found elsewhere.
+        merit: of that.
+    """
+
+    kept: list[int]
+    theta: Theta
+    fit: Assessed
+    merit: float
+
+
+def _at(laws: Laws, kept: list[int], theta: Theta, fit: Assessed) -> _At:
+    return _At(kept, theta, fit, laws.merit_of(fit, kept, fit.loglik, theta))
+
+
+def _begun(laws: Laws) -> _At:
+    """What is found elsewhere, alone."""
+    (fit,) = laws.objective.evaluate([laws.others])
+    return _at(laws, [], np.array([law.nothing for law in laws.each]), fit)
+
+
+def _slopes(laws: Laws, at: _At) -> LawSlopes:
+    """Derivatives of the replays in all of the laws."""
+    (all_there,) = laws.objective.evaluate([laws.hypothesis(at.theta, range(len(laws.each)))])
+    parts = range(len(laws.others), len(laws.others) + len(laws.each))
+    (slope,) = jacobian(laws.objective, [all_there], [parts])
+    return slope
+
+
+def _joined(laws: Laws, at: _At, further: Sequence[Sequence[int]]) -> list[_At]:
+    """With each of some further kinds, fitted."""
+    slope, starts = _slopes(laws, at), []
+    for more in further:
+        kept = sorted([*at.kept, *more])
+        starts.append((kept, solved(laws, at.fit, slope, at.theta, kept, DAMPINGS[1])[1]))
+    return _fitted(laws, starts)
+
+
+def _fitted(laws: Laws, starts: Sequence[tuple[list[int], Theta]]) -> list[_At]:
+    """Each of some sets of laws, refined from such parameters."""
+    hypotheses = [laws.hypothesis(theta, kept) for kept, theta in starts]
+    own, fits = len(laws.others), []
+    parts = [range(own, len(hypothesis)) for hypothesis in hypotheses]
+    for (kept, _), fit in zip(starts, refine(laws.objective, hypotheses, parts), strict=True):
+        theta = np.array([law.nothing for law in laws.each])
+        theta[kept] = [float(p.theta[0]) for p in fit.hypothesis[own:]]
+        fits.append(_at(laws, kept, theta, fit))
+    return fits
+
+
+def _needed(laws: Laws, at: _At) -> tuple[list[int], Theta]:
+    """The laws without those that say too little at their joints, and their parameters."""
+    slope, kept, theta = _slopes(laws, at), at.kept, at.theta
+
+    def merit_of(some: Sequence[int]) -> float:
+        return laws.merit_of(at.fit, some, *solved(laws, at.fit, slope, at.theta, some))
+
+    best = merit_of(kept)
+    while kept:
+        less = {i: merit_of([k for k in kept if k != i]) for i in kept}
+        weakest = max(less, key=less.__getitem__)
+        if less[weakest] < best:
+            break
+        kept, best = [k for k in kept if k != weakest], less[weakest]
+        _, theta = solved(laws, at.fit, slope, at.theta, kept)
+    return kept, theta
