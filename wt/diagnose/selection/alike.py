@@ -8,7 +8,7 @@ a parameter of its own. Each kind is fitted beside those that are there, and the
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +26,9 @@ from wt.diagnose.selection.smooth_laws import (
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape
 from wt.physics.planted import Key, Planted
+
+_STEPS = 8
+"""Most steps in which a kind is fitted beside others: gains and friction go far together."""
 
 
 def alike(
@@ -52,12 +55,16 @@ def alike(
         if not law.of_sensor:
             kinds.setdefault(law.forms[0][0].id, []).append(i)
     at = _begun(laws)
-    while further := [each for each in kinds.values() if each[0] not in at.kept]:
-        best = max(_joined(laws, at, further), key=lambda way: way.merit)
-        if not best.merit > at.merit + THRESHOLDS.min_nats:
+    while kinds:
+        ways = dict(zip(kinds, _joined(laws, at, kinds.values()), strict=True))
+        best = max(ways, key=lambda kind: ways[kind].merit)
+        (after,) = _fitted(laws, [(ways[best].kept, ways[best].theta)])
+        if not after.merit > at.merit + THRESHOLDS.min_nats:
             break
-        (at,) = _fitted(laws, [(best.kept, best.theta)])
-    kept, theta = _needed(laws, at)
+        at = after
+        del kinds[best]
+    slope = _slopes(laws, at)
+    kept, theta, _ = _needed(laws, at, slope, at.kept)
     return [laws.each[i].planted(float(theta[i])) for i in kept]
 
 
@@ -95,13 +102,30 @@ def _slopes(laws: Laws, at: _At) -> LawSlopes:
     return slope
 
 
-def _joined(laws: Laws, at: _At, further: Sequence[Sequence[int]]) -> list[_At]:
-    """With each of some further kinds, fitted."""
-    slope, starts = _slopes(laws, at), []
+def _joined(laws: Laws, at: _At, further: Iterable[Sequence[int]]) -> list[_At]:
+    """With each of some further kinds, fitted, at the joints that need it."""
+    slope, starts, own = _slopes(laws, at), [], len(laws.others)
     for more in further:
         kept = sorted([*at.kept, *more])
-        starts.append((kept, solved(laws, at.fit, slope, at.theta, kept, DAMPINGS[1])[1]))
-    return _fitted(laws, starts)
+        ways = [solved(laws, at.fit, slope, at.theta, kept, damping)[1] for damping in DAMPINGS]
+        replays = laws.objective.evaluate([laws.hypothesis(way, kept) for way in ways])
+        best = max(range(len(ways)), key=lambda k: replays[k].loglik)
+        starts.append((kept, ways[best]))
+    fits = _fitted(laws, starts)
+    parts = [range(own, own + len(fit.kept)) for fit in fits]
+    slopes = jacobian(laws.objective, [fit.fit for fit in fits], parts)
+    return [_lessened(laws, fit, s, at.kept) for fit, s in zip(fits, slopes, strict=True)]
+
+
+def _lessened(laws: Laws, fit: _At, slope: LawSlopes, stay: Collection[int]) -> _At:
+    """A fit without those of its laws that say too little, but for some that stay."""
+    some, places = laws.some(fit.kept), list(range(len(fit.kept)))
+    asked = [place for place in places if fit.kept[place] not in stay]
+    here = fit._replace(kept=places, theta=fit.theta[fit.kept])
+    kept, theta, merit = _needed(some, here, slope, asked)
+    changed = fit.theta.copy()
+    changed[fit.kept] = theta
+    return _At([fit.kept[place] for place in kept], changed, fit.fit, merit)
 
 
 def _fitted(laws: Laws, starts: Sequence[tuple[list[int], Theta]]) -> list[_At]:
@@ -109,26 +133,34 @@ def _fitted(laws: Laws, starts: Sequence[tuple[list[int], Theta]]) -> list[_At]:
     hypotheses = [laws.hypothesis(theta, kept) for kept, theta in starts]
     own, fits = len(laws.others), []
     parts = [range(own, len(hypothesis)) for hypothesis in hypotheses]
-    for (kept, _), fit in zip(starts, refine(laws.objective, hypotheses, parts), strict=True):
+    for (kept, _), fit in zip(
+        starts, refine(laws.objective, hypotheses, parts, iterations=_STEPS), strict=True
+    ):
         theta = np.array([law.nothing for law in laws.each])
         theta[kept] = [float(p.theta[0]) for p in fit.hypothesis[own:]]
         fits.append(_at(laws, kept, theta, fit))
     return fits
 
 
-def _needed(laws: Laws, at: _At) -> tuple[list[int], Theta]:
-    """The laws without those that say too little at their joints, and their parameters."""
-    slope, kept, theta = _slopes(laws, at), at.kept, at.theta
+def _needed(
+    laws: Laws, at: _At, slope: LawSlopes, asked: Sequence[int]
+) -> tuple[list[int], Theta, float]:
+    """Laws without those of some that say too little at their joints, by the slopes.
+
+    Returns:
+        (the laws; parameters of all; merit).
+    """
+    kept, theta = at.kept, at.theta
 
     def merit_of(some: Sequence[int]) -> float:
         return laws.merit_of(at.fit, some, *solved(laws, at.fit, slope, at.theta, some))
 
     best = merit_of(kept)
-    while kept:
-        less = {i: merit_of([k for k in kept if k != i]) for i in kept}
+    while left := [i for i in asked if i in kept]:
+        less = {i: merit_of([k for k in kept if k != i]) for i in left}
         weakest = max(less, key=less.__getitem__)
         if less[weakest] < best:
             break
         kept, best = [k for k in kept if k != weakest], less[weakest]
         _, theta = solved(laws, at.fit, slope, at.theta, kept)
-    return kept, theta
+    return kept, theta, best
