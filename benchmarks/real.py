@@ -29,10 +29,10 @@ from wt.diagnose.pipeline import STEP_S, diagnose
 from wt.diagnose.recordings.prepare import unsplit
 from wt.diagnose.recordings.smooth import smooth
 from wt.diagnose.report.write import write
-from wt.diagnose.result import Diagnosis
+from wt.diagnose.result import Diagnosis, Finding
 from wt.diagnose.selection.holdout import Holdout, errors, prepare_holdout
 from wt.errors import UserError, WorkError
-from wt.physics.effect import effects
+from wt.physics.effect import Parameter, effects
 from wt.physics.planted import Planted
 from wt.physics.scene import Scene
 from wt.prove.machines.base import between, machines
@@ -139,19 +139,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def planted(found: Diagnosis) -> tuple[Planted, ...]:
-    """The named findings as a hypothesis; unknown ones have no parameters and are left out."""
+    """The named findings as a hypothesis; unknown ones have no parameters and are left out.
+
+    Of what is fitted and not reported, as a gear's share of losses, the middle of its range.
+    """
     known = effects()
     return tuple(
         Planted(
             known[f.effect],
             f.at,
-            np.concatenate(
-                [np.atleast_1d(f.parameters[p.name].value) for p in known[f.effect].parameters]
-            ),
+            np.concatenate([_value(f, p) for p in known[f.effect].parameters]),
         )
         for f in found.findings
         if f.effect != "unknown"
     )
+
+
+def _value(finding: Finding, parameter: Parameter) -> Array:
+    if not parameter.public:
+        return np.array([0.5 * (parameter.lower + parameter.upper)])
+    return np.atleast_1d(finding.parameters[parameter.name].value)
 
 
 def published(known: Known) -> tuple[Planted, ...]:
@@ -200,7 +207,8 @@ def errors_table(
 ) -> str:
     """Held-out RMSE per joint, all by the same replays.
 
-    The last column is that of what was named over that of the published parameters.
+    What was found is replayed as proven where long stretches are, and by what was named where the
+    proof's windows may be others. The last column is its error over the published parameters'.
     """
     scene = Scene(model)
     kept = prepared_holdout(scene, held)
@@ -211,7 +219,7 @@ def errors_table(
     beside = f"{'published':>11}" + (f"{'sysid':>11}" if rival else "")
     lines = [
         f"\nheld out, {what}; {known.reference!r} beside it",
-        f"{'RMSE':<16}{'model':>10}{beside}{'named':>10}{'noise':>10}{'ratio':>8}",
+        f"{'RMSE':<16}{'model':>10}{beside}{'findings':>10}{'noise':>10}{'ratio':>8}",
     ]
     rows = [
         (name, np.array([*rmse[name], e.noise_floor])) for name, e in found.proof.joints.items()

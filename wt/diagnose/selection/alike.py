@@ -63,8 +63,7 @@ def alike(
             break
         at = after
         del kinds[best]
-    slope = _slopes(laws, at)
-    kept, theta, _ = _needed(laws, at, slope, at.kept)
+    kept, theta, _ = _needed(laws, at, _slopes(laws, at), at.kept)
     return [laws.each[i].planted(float(theta[i])) for i in kept]
 
 
@@ -104,17 +103,20 @@ def _slopes(laws: Laws, at: _At) -> LawSlopes:
 
 def _joined(laws: Laws, at: _At, further: Iterable[Sequence[int]]) -> list[_At]:
     """With each of some further kinds, fitted, at the joints that need it."""
-    slope, starts, own = _slopes(laws, at), [], len(laws.others)
+    everywhere, starts, own = _slopes(laws, at), [], len(laws.others)
     for more in further:
         kept = sorted([*at.kept, *more])
-        ways = [solved(laws, at.fit, slope, at.theta, kept, damping)[1] for damping in DAMPINGS]
+        ways = [solved(laws, at.fit, everywhere, at.theta, kept, d)[1] for d in DAMPINGS]
         replays = laws.objective.evaluate([laws.hypothesis(way, kept) for way in ways])
         best = max(range(len(ways)), key=lambda k: replays[k].loglik)
         starts.append((kept, ways[best]))
     fits = _fitted(laws, starts)
     parts = [range(own, own + len(fit.kept)) for fit in fits]
     slopes = jacobian(laws.objective, [fit.fit for fit in fits], parts)
-    return [_lessened(laws, fit, s, at.kept) for fit, s in zip(fits, slopes, strict=True)]
+    return [
+        _lessened(laws, fit, slope, at.kept) if np.isfinite(fit.merit) else fit
+        for fit, slope in zip(fits, slopes, strict=True)
+    ]
 
 
 def _lessened(laws: Laws, fit: _At, slope: LawSlopes, stay: Collection[int]) -> _At:
