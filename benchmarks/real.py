@@ -221,14 +221,15 @@ def errors_table(
         f"\nheld out, {what}; {known.reference!r} beside it",
         f"{'RMSE':<16}{'model':>10}{beside}{'findings':>10}{'noise':>10}{'ratio':>8}",
     ]
-    rows = [
-        (name, np.array([*rmse[name], e.noise_floor])) for name, e in found.proof.joints.items()
-    ]
+    rows = []
+    for name, e in found.proof.joints.items():
+        *others, named = rmse[name]
+        rows.append((name, np.array([*others, e.after if kept.forgets else named, e.noise_floor])))
     rows.append(("mean", np.mean([row for name, row in rows if name in known.joints], axis=0)))
-    for name, (before, *theirs, named, noise) in rows:
+    for name, (before, *theirs, after, noise) in rows:
         lines.append(
-            f"{name:<16}{before:>10.4f}{''.join(f'{x:>11.4f}' for x in theirs)}{named:>10.4f}"
-            f"{noise:>10.5f}{named / theirs[0]:>8.2f}"
+            f"{name:<16}{before:>10.4f}{''.join(f'{x:>11.4f}' for x in theirs)}{after:>10.4f}"
+            f"{noise:>10.5f}{after / theirs[0]:>8.2f}"
         )
     for unit, ahead in found.proof.horizons.items():
         for horizon, (before, after) in ahead.items():

@@ -15,14 +15,7 @@ import numpy as np
 
 from wt.diagnose.likelihood.objective import Assessed, Objective
 from wt.diagnose.likelihood.refine import jacobian, refine
-from wt.diagnose.selection.smooth_laws import (
-    DAMPINGS,
-    Laws,
-    LawSlopes,
-    Theta,
-    laws_of,
-    solved,
-)
+from wt.diagnose.selection.smooth_laws import Laws, LawSlopes, Theta, laws_of, solved, stepped
 from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import Shape
 from wt.physics.planted import Key, Planted
@@ -83,35 +76,28 @@ class _At(NamedTuple):
     merit: float
 
 
-def _at(laws: Laws, kept: list[int], theta: Theta, fit: Assessed) -> _At:
+def _replayed(laws: Laws, kept: list[int], theta: Theta, fit: Assessed) -> _At:
     return _At(kept, theta, fit, laws.merit_of(fit, kept, fit.loglik, theta))
 
 
 def _begun(laws: Laws) -> _At:
     """What is found elsewhere, alone."""
     (fit,) = laws.objective.evaluate([laws.others])
-    return _at(laws, [], np.array([law.nothing for law in laws.each]), fit)
+    return _replayed(laws, [], laws.nothing, fit)
 
 
 def _slopes(laws: Laws, at: _At) -> LawSlopes:
     """Derivatives of the replays in all of the laws."""
     (all_there,) = laws.objective.evaluate([laws.hypothesis(at.theta, range(len(laws.each)))])
-    parts = range(len(laws.others), len(laws.others) + len(laws.each))
-    (slope,) = jacobian(laws.objective, [all_there], [parts])
+    (slope,) = jacobian(laws.objective, [all_there], [laws.parts])
     return slope
 
 
 def _joined(laws: Laws, at: _At, further: Iterable[Sequence[int]]) -> list[_At]:
     """With each of some further kinds, fitted, at the joints that need it."""
-    everywhere, starts, own = _slopes(laws, at), [], len(laws.others)
-    for more in further:
-        kept = sorted([*at.kept, *more])
-        ways = [solved(laws, at.fit, everywhere, at.theta, kept, d)[1] for d in DAMPINGS]
-        replays = laws.objective.evaluate([laws.hypothesis(way, kept) for way in ways])
-        best = max(range(len(ways)), key=lambda k: replays[k].loglik)
-        starts.append((kept, ways[best]))
-    fits = _fitted(laws, starts)
-    parts = [range(own, own + len(fit.kept)) for fit in fits]
+    everywhere, sets = _slopes(laws, at), [sorted([*at.kept, *more]) for more in further]
+    starts = [(kept, stepped(laws, at.fit, everywhere, at.theta, kept)[1]) for kept in sets]
+    fits, parts = _fitted(laws, starts), [laws.some(kept).parts for kept in sets]
     slopes = jacobian(laws.objective, [fit.fit for fit in fits], parts)
     return [
         _lessened(laws, fit, slope, at.kept) if np.isfinite(fit.merit) else fit
@@ -133,14 +119,12 @@ def _lessened(laws: Laws, fit: _At, slope: LawSlopes, stay: Collection[int]) -> 
 def _fitted(laws: Laws, starts: Sequence[tuple[list[int], Theta]]) -> list[_At]:
     """Each of some sets of laws, refined from such parameters."""
     hypotheses = [laws.hypothesis(theta, kept) for kept, theta in starts]
-    own, fits = len(laws.others), []
-    parts = [range(own, len(hypothesis)) for hypothesis in hypotheses]
-    for (kept, _), fit in zip(
-        starts, refine(laws.objective, hypotheses, parts, iterations=_STEPS), strict=True
-    ):
-        theta = np.array([law.nothing for law in laws.each])
-        theta[kept] = [float(p.theta[0]) for p in fit.hypothesis[own:]]
-        fits.append(_at(laws, kept, theta, fit))
+    parts = [laws.some(kept).parts for kept, _ in starts]
+    refined, fits = refine(laws.objective, hypotheses, parts, iterations=_STEPS), []
+    for (kept, _), fit in zip(starts, refined, strict=True):
+        theta = laws.nothing
+        theta[kept] = [float(p.theta[0]) for p in fit.hypothesis[len(laws.others) :]]
+        fits.append(_replayed(laws, kept, theta, fit))
     return fits
 
 

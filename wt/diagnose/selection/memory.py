@@ -90,9 +90,11 @@ class Memory:
         """Tell, once, whether several joints have not been asked together with what they have."""
         scene = self._objective.scene
         has = frozenset(p.key for p in now.hypothesis if scene.dof_at(p.at) in dofs)
-        before = len(self._asked_together)
-        self._asked_together.add((frozenset(dofs), has))
-        return not scene.free and len(self._asked_together) > before
+        asked = frozenset(dofs), has
+        if scene.free or asked in self._asked_together:
+            return False
+        self._asked_together.add(asked)
+        return True
 
     def note(
         self,

@@ -83,6 +83,16 @@ class Laws(NamedTuple):
     others: Hypothesis
     each: tuple[Law, ...]
 
+    @property
+    def parts(self) -> range:
+        """Where the laws are in a hypothesis that has all of them."""
+        return range(len(self.others), len(self.others) + len(self.each))
+
+    @property
+    def nothing(self) -> Theta:
+        """Parameters with which none of them does anything."""
+        return np.array([law.nothing for law in self.each])
+
     def hypothesis(self, theta: Theta, kept: Sequence[int]) -> Hypothesis:
         """What is found elsewhere, and some of the laws."""
         return (*self.others, *(self.each[i].planted(float(theta[i]))[0] for i in kept))
@@ -147,21 +157,27 @@ def together(laws: Laws, there: Assessed, theta: Theta) -> tuple[Assessed, LawSl
         there: where they begin.
         theta: their parameters there.
     """
-    objective, every = laws.objective, range(len(laws.each))
-    parts = range(len(laws.others), len(laws.others) + len(laws.each))
-    (slope,) = jacobian(objective, [there], [parts])
+    (slope,) = jacobian(laws.objective, [there], [laws.parts])
     for _ in range(_ROUNDS):
-        ways = [solved(laws, there, slope, theta, every, d)[1] for d in DAMPINGS]
-        fits = objective.evaluate([laws.hypothesis(way, every) for way in ways])
-        best = max(range(len(ways)), key=lambda k: fits[k].loglik)
-        gained = fits[best].loglik - there.loglik
+        after, way = stepped(laws, there, slope, theta, range(len(laws.each)))
+        gained = after.loglik - there.loglik
         if not gained > 0.0:
             break
-        there, theta = fits[best], ways[best]
-        (slope,) = jacobian(objective, [there], [parts], [slope])
+        there, theta = after, way
+        (slope,) = jacobian(laws.objective, [there], [laws.parts], [slope])
         if gained < _CONVERGED:
             break
     return there, slope, theta
+
+
+def stepped(
+    laws: Laws, there: Assessed, slope: LawSlopes, theta: Theta, kept: Sequence[int]
+) -> tuple[Assessed, Theta]:
+    """The best replay of some of the laws alone, a step away by the slopes, and its parameters."""
+    ways = [solved(laws, there, slope, theta, kept, damping)[1] for damping in DAMPINGS]
+    fits = laws.objective.evaluate([laws.hypothesis(way, kept) for way in ways])
+    best = max(range(len(ways)), key=lambda k: fits[k].loglik)
+    return fits[best], ways[best]
 
 
 def solved(
@@ -177,7 +193,7 @@ def solved(
     fit = alone(laws, there, slope, theta, kept, damping)
     left = fit.left + slope[:, :, kept] @ fit.step
     variance = objective.channels.variance(objective.channels.sums(left**2))
-    said = np.array([law.nothing for law in laws.each])
+    said = laws.nothing
     said[kept] = fit.theta
     return objective.channels.nats(variance) - 0.5 * float(fit.sizes @ fit.sizes), said
 
@@ -211,9 +227,8 @@ def alone(
 ) -> Alone:
     """The step of some of the laws, the others being nothing."""
     objective = laws.objective
-    nothing = np.array([law.nothing for law in laws.each])
     gone = np.setdiff1d(np.arange(len(theta)), kept)
-    error = there.error + slope[:, :, gone] @ (nothing - theta)[gone]
+    error = there.error + slope[:, :, gone] @ (laws.nothing - theta)[gone]
     ends = np.array([law.ends() for law in laws.each])[kept].reshape(-1, 2)
     start = replace(there, error=error, hypothesis=laws.hypothesis(theta, kept))
     low, high = (ends - theta[kept, None]).T
