@@ -249,7 +249,7 @@ def transfer_line(
     found: Diagnosis, rival: Fitted | None, recording: Recording, known: Known, model: Path
 ) -> str:
     """Mean absolute errors on a set-up of its own model, to which nothing was fitted."""
-    path = model.with_name("elsewhere.xml")
+    path = model.with_name(f"{Path(recording.meta['source']).stem}.xml")
     write_mjcf(spec_for(recording.meta), path)
     scene = Scene(path)
     kept = prepared_holdout(scene, [recording])
