@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
 import pytest
 
 from tests.check.machines import MACHINES, record, with_columns
+from wt.check.audits import gravity
+from wt.check.balance import Balance
+from wt.check.finding import AuditFinding
 from wt.check.run import check
 from wt.physics.effect import effects
 from wt.physics.scene import Scene
@@ -219,3 +223,21 @@ def test_recordings_alone(tmp_path: Path) -> None:
     assert not check(None, r).findings
     spoiled = with_columns(r, {"qvel/yaw": -r.columns["qvel/yaw"]})
     assert [f.kind for f in check(None, spoiled).findings] == ["velocity_sign"]
+
+
+@pytest.mark.parametrize(
+    ("given", "mended", "agreed"),
+    [
+        ([0.0034, 0.0582, 0.0045], [0.0034, 0.0097, 0.0074], False),  # a spring of the shoulder
+        ([0.0035, 0.1021, 0.0011], [0.0035, 0.0790, 0.0057], False),
+        ([0.0034, 0.0582, 0.0310], [0.0034, 0.0097, 0.0041], True),
+    ],
+)
+def test_a_spring_that_balances_one_joint_compensates_no_other(
+    given: list[float], mended: list[float], agreed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two recordings of a shoulder whose spring is as stiff as its weight, and another."""
+    beside = Mock(spec=Balance, **{"unexplained_forces.return_value": np.array(mended)})
+    monkeypatch.setattr(gravity, "_beside", Mock(return_value=beside))
+    balance = Mock(spec=Balance, **{"unexplained_forces.return_value": np.array(given)})
+    assert gravity._agreed(balance, Mock(spec=AuditFinding)) is agreed

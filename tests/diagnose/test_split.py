@@ -15,7 +15,7 @@ from wt.diagnose.pipeline import audited, diagnose
 from wt.diagnose.selection.addition import Accepted
 from wt.diagnose.selection.decisions import DecisionLog
 from wt.diagnose.selection.naming import Naming
-from wt.diagnose.split import Split, split_of
+from wt.diagnose.split import Split, split_of, steps_for
 from wt.physics.effect import effects
 from wt.physics.planted import Planted
 from wt.types import Location, Recording
@@ -114,3 +114,36 @@ def test_the_search_goes_on_only_where_states_move(
     if moved:
         assert search.call_args.args[1] is later.search_replays
         assert search.call_args.args[4] is was, "what was found is not looked for again"
+
+
+TIGHT = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
+  <body><joint name="a" axis="0 1 0" damping=".2" armature=".01"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1.2" contype="0"/></body>
+  </worldbody><actuator><position name="a" joint="a" kp="400" kv="12"/></actuator></mujoco>"""
+
+
+def servo(jump: float, seed: int) -> Recording:
+    """A tight servo that follows a wave exactly as modelled, beside jumps of so many rad."""
+    model = mujoco.MjModel.from_xml_string(TIGHT)
+    model.opt.timestep = 1e-4
+    data, t = mujoco.MjData(model), np.arange(1200) / 100
+    u = np.sin(t) * np.minimum(t, 1.0) + jump * (np.floor(t / 0.9) % 2)
+    q = np.empty_like(u)
+    for k, data.ctrl[0] in enumerate(u):
+        q[k] = data.qpos[0]
+        mujoco.mj_step(model, data, 100)
+    q += NOISE * np.random.default_rng(seed).standard_normal(len(q))
+    return Recording(t, {"qpos/a": q, "ctrl/a": u})
+
+
+def test_steps_do_for_held_out_motions_too(tmp_path: Path) -> None:
+    path = tmp_path / "servo.xml"
+    path.write_text(TIGHT)
+    scene, prepared = audited(path, [servo(0.0, 0)], [servo(0.4, 1)], Pace(None, None))
+    split = split_of(scene, prepared, 0, DecisionLog(), Pace(None, None))
+    smooth, jumping = (steps_for([recorded], None) for recorded in (split.fitted, split.held_out))
+    both = split.steps(None)
+    assert smooth and jumping and both
+    assert jumping.fine < smooth.fine
+    assert both.fine == jumping.fine
+    assert both.coarse == min(smooth.coarse, jumping.coarse)

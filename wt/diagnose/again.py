@@ -121,7 +121,7 @@ def _possible(of: Recorded, hypothesis: Hypothesis) -> tuple[Objective, Hypothes
     scene, effort = of.scene, effort_of(of.scene)
     whole, forgetting = smooth_as_sent(scene, of.prepared.whole, effort.step, effort.search_step)
     window = None if forgetting or scene.free else longest_window(whole, effort.search_step)
-    smooth = steps_for(whole, window)
+    smooth = steps_for([whole], window)
     objective = objective_on([whole], forgetting, effort.most_s, effort.step, window, smooth)
     here = [p.elsewhere(whole.motion) for p in hypothesis]
     return objective, tuple(p for p in here if p.wrong(whole.motion) is None)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from wt.diagnose.effort import Effort, effort_of
 from wt.diagnose.likelihood.objective import Objective
 from wt.diagnose.likelihood.sets import objective_on
-from wt.diagnose.likelihood.steps import Steps, longest_steps
+from wt.diagnose.likelihood.steps import Steps, longest_steps, shortest
 from wt.diagnose.pace import Pace
 from wt.diagnose.recordings.commands import smooth_as_sent
 from wt.diagnose.recordings.prepare import Prepared
@@ -23,18 +23,20 @@ from wt.physics.planted import Hypothesis
 from wt.physics.scene import Scene
 
 
-def steps_for(smoothed: Smoothed, window: float | None) -> Steps | None:
+def steps_for(sets: Sequence[Smoothed], window: float | None) -> Steps | None:
     """Steps that do where no law is stiff; None where nothing tells longer ones than usual.
 
-    A machine that forgets errs in short windows as it does in long ones, and many short ones are
+    They do for each set of recordings: one of them may jump where the others move smoothly. A
+    machine that forgets errs in short windows as it does in long ones, and many short ones are
     stepped side by side.
     """
-    scene = smoothed.motion.scene
+    scene = sets[0].motion.scene
     if scene.free:
         return None
     effort = effort_of(scene)
-    pairs = stretches_of(smoothed, False, effort.search_s, window=window)
-    return longest_steps(smoothed, pairs, effort.step)
+    each = effort.search_s / len(sets)
+    pairs = [(s, stretches_of(s, False, each, window=window)) for s in sets]
+    return shortest([longest_steps(*pair, effort.step) for pair in pairs])
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +79,8 @@ class Split:
 
     @functools.cached_property
     def steps(self) -> Callable[[float | None], Steps | None]:
-        """See :func:`steps_for`, of the fitted recordings, asked once for each window."""
-        return functools.cache(functools.partial(steps_for, self.fitted))
+        """See :func:`steps_for`, asked once for each window."""
+        return functools.cache(functools.partial(steps_for, (self.fitted, self.held_out)))
 
     @functools.cached_property
     def held(self) -> Callable[[float, float | None], Holdout]:

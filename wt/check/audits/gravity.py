@@ -27,6 +27,7 @@ _LEFT = 0.2  # … of it that a model leaves to the drives, which compensates it
 _FAINT = 1e-6  # m/s²
 _EXPLAINED = 0.1  # of every force, that may be left where nothing else is wrong
 _DECISIVE = 5.0  # what is left of the forces without it, over with it
+_WORSE = 1.25  # times what is left of a drive's forces as given, that says otherwise
 _TILT, _MOUNTED = math.radians(4.0), math.radians(20.0)
 """Angles from which a base is noted to be tilted, and from which it is mounted otherwise."""
 _NOTE = 0.5
@@ -53,15 +54,12 @@ class Carried:
         balance, weight = subject.balance, _weight(subject)
         if balance is None or not _known(balance):
             return
-        found = list(_carried(weight)) if weight else []
+        found = [f for f in _carried(weight) if _agreed(balance, f)] if weight else []
         wrong = balance.unexplained_forces().max() > _EXPLAINED
         if not found and wrong and (weight is None or weight.given > _LEFT):
             found = [f for f in _direction(balance, weight) if f.sure and not one_zero(balance)]
         for finding in found:
-            assert finding.model_change is not None
-            scene = balance.scene
-            mended = Scene(scene.path, [*scene.amendments, finding.model_change])
-            if Balance(mended, balance.signals).unexplained_forces().max() < _EXPLAINED:
+            if _beside(balance, finding).unexplained_forces().max() < _EXPLAINED:
                 yield finding
 
 
@@ -78,10 +76,26 @@ class Gravity:
         if balance is None or not _known(balance):
             return
         weight = _weight(subject)
-        found = list(_carried(weight)) if weight else []
+        found = [f for f in _carried(weight) if _agreed(balance, f)] if weight else []
         yield from found
         if not found and (weight is None or weight.given > _LEFT):
             yield from _direction(balance, weight)
+
+
+def _beside(balance: Balance, finding: AuditFinding) -> Balance:
+    """The same recording beside the model as a finding mends it."""
+    assert finding.model_change is not None
+    scene = balance.scene
+    return Balance(Scene(scene.path, [*scene.amendments, finding.model_change]), balance.signals)
+
+
+def _agreed(balance: Balance, finding: AuditFinding) -> bool:
+    """True if no drive says otherwise: a robot's weight is compensated in all of its joints.
+
+    In one alone, a spring may balance it.
+    """
+    given, mended = balance.unexplained_forces(), _beside(balance, finding).unexplained_forces()
+    return bool((mended < _WORSE * given).all())
 
 
 def _direction(balance: Balance, weight: Weight | None) -> Iterable[AuditFinding]:

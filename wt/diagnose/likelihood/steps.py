@@ -125,6 +125,12 @@ def longest_steps(
     return Steps(fine, coarse, accuracy)
 
 
+def shortest(each: Sequence[Steps]) -> Steps:
+    """Steps that do wherever one of several does, judged as the first is."""
+    fine, coarse = (min(getattr(s, name) for s in each) for name in ("fine", "coarse"))
+    return replace(each[0], fine=fine, coarse=coarse)
+
+
 def probes_of(stiff: Hypothesis, motion: Motion) -> list[Hypothesis]:
     """Stiff laws, the same somewhat larger and smaller, and beside dry friction in every joint."""
     moves = [_MOVED * p.theta * (step_sizes(p, motion) > 0.0) for p in stiff]
