@@ -187,7 +187,7 @@ class Nested(Effect):
 
 
 class Uniting(Effect):
-    """An effect that may say alone what several others at its place do together.
+    """An effect that may say alone what several others at its place, or near it, do together.
 
     Attributes:
         unites: their ids.
@@ -195,16 +195,23 @@ class Uniting(Effect):
 
     unites: ClassVar[tuple[str, ...]] = ()
 
+    def near(self, scene: Scene, at: Location) -> tuple[Location, ...]:
+        """Other places whose effects it may say, too."""
+        return ()
+
     @abc.abstractmethod
     def union(
-        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+        self,
+        motion: Motion,
+        at: Location,
+        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
     ) -> Float[np.ndarray, " parameter"] | None:
         """Its parameters in the place of several effects; None if it cannot be all that.
 
         Args:
             motion: the recordings.
-            at: where they stand.
-            parts: id → parameters of two or more of these effects.
+            at: where it is to stand.
+            parts: (id, place) → parameters of two or more of these effects.
         """
 
 

@@ -152,15 +152,38 @@ def test_a_load_says_alone_what_mass_and_centre_of_mass_do_together(loaded: Worl
     thetas = {"body.mass": np.array([1.0 + 0.3 / mass]), "body.com": shift}
     parts = tuple(Planted(effects()[name], LINK2, theta) for name, theta in thetas.items())
     motion = loaded.screen.motion
-    assert payload.union(motion, LINK2, thetas) == pytest.approx([0.3, *LOAD_AT])  # type: ignore[attr-defined]
-    lighter = {**thetas, "body.mass": np.array([0.8])}
-    assert payload.union(motion, LINK2, lighter) is None  # type: ignore[attr-defined]
+    assert isinstance(payload, Uniting)
+    here = {(name, LINK2): theta for name, theta in thetas.items()}
+    assert payload.union(motion, LINK2, here) == pytest.approx([0.3, *LOAD_AT])
+    lighter = {**here, ("body.mass", LINK2): np.array([0.8])}
+    assert payload.union(motion, LINK2, lighter) is None
     before = estimate(loaded.objective, parts)
     given = tuple(Accepted(p, (), ()) for p in parts)
     accepted, after = united(loaded.objective, given, before, DecisionLog())
     assert [a.planted.effect.id for a in accepted] == ["body.payload_fixed"]
     assert after.estimates[0]["mass"].value == pytest.approx(0.3, rel=0.05)
     assert {r.effect.id for r in accepted[0].rivals} == set(thetas)
+
+
+def test_a_load_says_alone_what_a_nearer_one_and_a_centre_of_mass_do_together(
+    loaded: World,
+) -> None:
+    """Its weight is on one body and its lever on the next."""
+    link1, hinge = Location("body", "link1"), loaded.scene.model.body("link2").pos
+    parts = (
+        Planted(effects()["body.payload_fixed"], link1, np.array([0.3, *hinge])),
+        Planted(effects()["body.com"], LINK2, 0.3 / 1.05 * LOAD_AT),
+    )
+    payload = parts[0].effect
+    assert isinstance(payload, Uniting)
+    both = {(p.effect.id, p.at): p.theta for p in parts}
+    theta = payload.union(loaded.screen.motion, LINK2, both)
+    assert theta == pytest.approx([0.3, *LOAD_AT])
+    given = tuple(Accepted(p, (), ()) for p in parts)
+    before = estimate(loaded.objective, parts)
+    accepted, after = united(loaded.objective, given, before, DecisionLog())
+    assert [(a.planted.effect.id, a.planted.at) for a in accepted] == [(payload.id, LINK2)]
+    assert after.estimates[0]["mass"].value == pytest.approx(0.3, rel=0.05)
 
 
 def test_a_gear_says_alone_what_friction_by_load_and_by_speed_do_together(tmp_path: Path) -> None:
@@ -182,9 +205,10 @@ def test_a_gear_says_alone_what_friction_by_load_and_by_speed_do_together(tmp_pa
     }
     motion = geared.screen.motion
     assert isinstance(gear, Uniting)
-    assert gear.union(motion, at, thetas) == pytest.approx([0.28, 0.28, 0.05, 0.1])
-    dry = {"joint.friction_coulomb": np.array([0.1])}
-    assert gear.union(motion, at, {"joint.friction_viscous": np.array([0.1]), **dry}) is None
+    here = {(name, at): theta for name, theta in thetas.items()}
+    assert gear.union(motion, at, here) == pytest.approx([0.28, 0.28, 0.05, 0.1])
+    slow = {(f"joint.friction_{kind}", at): np.array([0.1]) for kind in ("coulomb", "viscous")}
+    assert gear.union(motion, at, slow) is None
     parts = tuple(Planted(effects()[name], at, theta) for name, theta in thetas.items())
     given = tuple(Accepted(p, (), ()) for p in parts)
     before = estimate(geared.objective, parts)
@@ -210,9 +234,11 @@ def test_laws_with_dry_friction_in_them_say_what_stands_beside_them(
     for dry, united_theta in ((0.2, with_more), (with_too_little, None)):
         parts = {name: np.array(theta), "joint.friction_coulomb": np.array([dry])}
         assert set(parts) == set(law.unites)
-        found = law.union(two_ways.screen.motion, J2, parts)
+        here = {(id_, J2): sizes for id_, sizes in parts.items()}
+        found = law.union(two_ways.screen.motion, J2, here)
         assert found is None if united_theta is None else found == pytest.approx(united_theta)
-    assert law.union(two_ways.screen.motion, J2, {"joint.friction_coulomb": np.ones(1)}) is None
+    alone = {("joint.friction_coulomb", J2): np.ones(1)}
+    assert law.union(two_ways.screen.motion, J2, alone) is None
 
 
 def test_friction_that_falls_with_speed_is_said_once(tmp_path: Path) -> None:

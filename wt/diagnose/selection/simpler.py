@@ -20,6 +20,7 @@ from wt.diagnose.thresholds import THRESHOLDS
 from wt.physics.effect import effects
 from wt.physics.hooks import Uniting
 from wt.physics.planted import Hypothesis, Planted, without
+from wt.types import Location
 
 
 def by_what_they_became(
@@ -98,7 +99,7 @@ def united(
     estimated: Estimated,
     log: DecisionLog,
 ) -> tuple[tuple[Accepted, ...], Estimated]:
-    """The same effects, several at one place by the one that says them all, if there is one.
+    """The same effects, several at or near a place by the one that says them all, if there is one.
 
     Args:
         objective: replays of the fitted recordings.
@@ -107,10 +108,13 @@ def united(
         log: grows by every decision.
     """
     for effect in (e for e in effects().values() if isinstance(e, Uniting)):
-        for at in dict.fromkeys(a.planted.at for a in accepted):
-            parts = [p for p in estimated.hypothesis if p.at == at and p.effect.id in effect.unites]
+        kind = [a.planted.at for a in accepted if a.planted.at.kind == effect.kind]
+        for at in dict.fromkeys(kind):
+            places = (at, *effect.near(objective.scene, at))
+            said = [p for p in estimated.hypothesis if p.effect.id in effect.unites]
+            parts = [p for p in said if p.at in places]
             rest = [p for p in estimated.hypothesis if p not in parts]
-            union = _union(effect, parts, objective) if len(parts) > 1 else None
+            union = _union(effect, at, parts, objective) if len(parts) > 1 else None
             if union is None or any(excluded(union, p) for p in rest):
                 continue
             again = estimate(objective, (*rest, union), estimated.hypothesis)
@@ -137,10 +141,11 @@ def _shown(objective: Objective, union: Estimated, parts: Estimated) -> bool:
     return union.assessed.loglik - parts.assessed.loglik > THRESHOLDS.evident_nats
 
 
-def _union(effect: Uniting, parts: Sequence[Planted], objective: Objective) -> Planted | None:
-    """The one effect that says what several of a place do; None if it cannot."""
-    at = parts[0].at
-    theta = effect.union(objective.motion, at, {p.effect.id: p.theta for p in parts})
+def _union(
+    effect: Uniting, at: Location, parts: Sequence[Planted], objective: Objective
+) -> Planted | None:
+    """The one effect that says at a place what several there and near it do; None if it cannot."""
+    theta = effect.union(objective.motion, at, {(p.effect.id, p.at): p.theta for p in parts})
     return None if theta is None else Planted(effect, at, theta)
 
 

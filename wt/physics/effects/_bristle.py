@@ -104,11 +104,14 @@ class WithDryFriction(Uniting, BristleFriction):
     dry: ClassVar[tuple[int, ...]] = (0,)
 
     def union(
-        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+        self,
+        motion: Motion,
+        at: Location,
+        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
     ) -> Float[np.ndarray, " parameter"] | None:
         """This law with the dry friction beside it, unless that takes away more than there is."""
-        if self.id not in parts:
+        if (self.id, at) not in parts:
             return None
-        theta = parts[self.id].copy()
-        theta[list(self.dry)] += parts["joint.friction_coulomb"][0]
+        theta = parts[self.id, at].copy()
+        theta[list(self.dry)] += parts["joint.friction_coulomb", at][0]
         return theta if theta[0] >= 0.0 else None

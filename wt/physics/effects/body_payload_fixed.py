@@ -13,9 +13,11 @@ from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import carried, place_of_load, point_load
 from wt.physics.hooks import Intervals, Linearised, Nested, Uniting
 from wt.physics.motion import Motion
+from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
 from wt.types import Location
 
+_ORIGIN = (0.0, 0.0, 0.0)
 _APART = 0.1  # m; the moments are quadratic in the position, so any central difference is exact
 
 
@@ -39,7 +41,7 @@ class BodyPayloadFixed(Linearised, Nested, Uniting):
     signed = (1, 0, 0, 0)
     looks_like = ("weight",)
     common = "often"
-    unites = ("body.mass", "body.com", "body.inertia")
+    unites = ("body.mass", "body.com", "body.inertia", id)
 
     def shapes(self, motion: Motion, at: Location) -> Sequence[Shape]:
         """The centre of mass: at the frame's origin a body that turns about it shows no mass."""
@@ -70,17 +72,28 @@ class BodyPayloadFixed(Linearised, Nested, Uniting):
         x, y, z = theta[1:]
         return (float(x), float(y), float(z))
 
+    def near(self, scene: Scene, at: Location) -> tuple[Location, ...]:
+        """The bodies beside it: a load on one of them is felt as a part of it on the other."""
+        m, here = scene.model, scene.model.body(at.name).id
+        beside = [b for b in range(1, m.nbody) if here == m.body_parentid[b]]
+        names = [m.body(int(b)).name for b in (m.body_parentid[here], *beside)]
+        return tuple(Location("body", name) for name in names if name in scene.moving)
+
     def union(
-        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+        self,
+        motion: Motion,
+        at: Location,
+        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
     ) -> Float[np.ndarray, " parameter"] | None:
         """The load that adds as much mass and first moment; none where mass is missing."""
-        mass, centre, _ = inertia.own(motion.scene, at.name)
-        factor = float(parts.get("body.mass", np.ones(1))[0])
-        shift, added = parts.get("body.com", np.zeros(3)), (factor - 1.0) * mass
-        if added <= 0.0:
-            return None
-        # (factor · mass) (centre + shift) = mass · centre + added · position
-        return np.array([added, *(centre + factor * mass / added * shift)])
+        here, (mass, moment) = motion.point(at.name, _ORIGIN), _added(motion.scene, at, parts)
+        for place in {place for _, place in parts} - {at}:
+            there = motion.point(place.name, _ORIGIN)
+            more, moved = _added(motion.scene, place, parts)
+            lever = more * (there.x - here.x) + there.rotation @ moved
+            mass += more
+            moment = moment + np.einsum("tji,tj->i", here.rotation, lever) / len(lever)
+        return np.array([mass, *(moment / mass)]) if mass > 0.0 else None
 
     def plausible(
         self, motion: Motion, at: Location, theta: Float[np.ndarray, " parameter"]
@@ -122,3 +135,16 @@ class BodyPayloadFixed(Linearised, Nested, Uniting):
     def separation(self, at: Location, units: Units = HINGE) -> str:
         """See :meth:`Effect.separation`."""
         return f"a multisine on all joints that carry {at.name}, at poses with and without weight"
+
+
+def _added(
+    scene: Scene, at: Location, parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]]
+) -> tuple[float, Float[np.ndarray, " 3"]]:
+    """Mass [kg] and first moment in the body's frame [kg·m] that effects of a body add to it."""
+    mass, centre, _ = inertia.own(scene, at.name)
+    factor = float(parts.get(("body.mass", at), np.ones(1))[0])
+    shift = parts.get(("body.com", at), np.zeros(3))
+    load = parts.get(("body.payload_fixed", at), np.zeros(4))
+    added = (factor - 1.0) * mass
+    # (factor · mass) (centre + shift) = mass · centre + moment
+    return added + float(load[0]), added * centre + factor * mass * shift + load[0] * load[1:]

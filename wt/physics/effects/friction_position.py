@@ -101,13 +101,16 @@ class FrictionPosition(Nested, WithDryFriction):
         return [((wave,), np.array([theta[0], _BEGUN, wave, phase])) for phase in phases]
 
     def union(
-        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+        self,
+        motion: Motion,
+        at: Location,
+        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
     ) -> Float[np.ndarray, " parameter"] | None:
         """The same wave about more friction, or less, is less deep, or deeper."""
         theta = super().union(motion, at, parts)
         if theta is None or theta[0] == 0.0:
             return None
-        theta[1] *= parts[self.id][0] / theta[0]
+        theta[1] *= parts[self.id, at][0] / theta[0]
         return theta if theta[1] <= 1.0 else None
 
     def plausible(

@@ -126,14 +126,17 @@ class GearLoss(Nested, Uniting, BristleFriction):
         return [((), np.array([fraction, fraction, coulomb, 0.0]))]
 
     def union(
-        self, motion: Motion, at: Location, parts: Mapping[str, Float[np.ndarray, " _"]]
+        self,
+        motion: Motion,
+        at: Location,
+        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
     ) -> Float[np.ndarray, " parameter"] | None:
         """Friction by load beside other friction, as long as it loses alike both ways."""
-        if "joint.friction_load" not in parts:
+        if ("joint.friction_load", at) not in parts:
             return None
-        coulomb, fraction = parts["joint.friction_load"]
+        coulomb, fraction = parts["joint.friction_load", at]
         dry, wet = (
-            float(parts.get(f"joint.friction_{kind}", np.zeros(1))[0])
+            float(parts.get((f"joint.friction_{kind}", at), np.zeros(1))[0])
             for kind in ("coulomb", "viscous")
         )
         return np.array([fraction, fraction, max(coulomb + dry, 0.0), max(wet, 0.0)])
