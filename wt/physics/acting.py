@@ -55,21 +55,27 @@ def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]], h: float) -> A
     # two learned laws share a name, and are still two objects
     laws: dict[_Group, OnSteps] = {}
     places: dict[_Group, list[tuple[int, Planted]]] = {}
+    # many rows have the same one, each on a stretch of its own
+    each = {id(h): (_most(h), _laws(h)) for h in hypotheses}
     for row, hypothesis in enumerate(hypotheses):
-        most = _most(hypothesis)
-        for p in hypothesis:
-            if isinstance(p.effect, OnSteps):
-                laws[id(p.effect), most] = p.effect
-                places.setdefault((id(p.effect), most), []).append((row, p))
+        most, there = each[id(hypothesis)]
+        for law, p in there:
+            laws[id(law), most] = law
+            places.setdefault((id(law), most), []).append((row, p))
     parts = []
     for key in sorted(laws, key=lambda key: (laws[key].id, key[1])):
-        there = sorted(places[key], key=lambda place: (place[0], place[1].at.name))
-        rows, planted = np.array([row for row, _ in there]), [p for _, p in there]
+        ordered = sorted(places[key], key=lambda place: (place[0], place[1].at.name))
+        rows, planted = np.array([row for row, _ in ordered]), [p for _, p in ordered]
         theta = np.stack([p.theta for p in planted])
         seen = scene.limited(dict(key[1])) if key[1] else scene
         live = laws[key].live(seen, [p.at for p in planted], theta, h)
         parts.append((rows, live))
     return _side_by_side(parts) if parts else None
+
+
+def _laws(hypothesis: Sequence[Planted]) -> list[tuple[OnSteps, Planted]]:
+    """Those of a hypothesis that act at every step, each with where it is planted."""
+    return [(p.effect, p) for p in hypothesis if isinstance(p.effect, OnSteps)]
 
 
 def _most(hypothesis: Sequence[Planted]) -> _Most:

@@ -12,9 +12,54 @@ from jaxtyping import Float, Int
 
 from wt.physics.acting import is_live
 from wt.physics.activation import activated, dynamic
+from wt.physics.hooks import OnInputs, OnOutputs, Stateful
 from wt.physics.planted import Planted, in_order
 from wt.physics.replay import Inputs, Outputs, Stretch
 from wt.physics.scene import Scene
+
+
+class Patched:
+    """A hypothesis and its model, and what of it acts beside that: sorted once for all stretches.
+
+    Attributes:
+        scene: the machine.
+        hypothesis: what is changed in it.
+        model: of the hypothesis.
+        driving: effects that change inputs, in the order in which a command passes them.
+        sensing: those that change what sensors report.
+        begins: those that say how joints begin that they add.
+        live: whether a law acts at every step.
+        sizes: of the model.
+    """
+
+    def __init__(self, scene: Scene, hypothesis: Sequence[Planted], model: mujoco.MjModel) -> None:
+        """Sort a hypothesis, with its model."""
+        self.scene, self.hypothesis, self.model = scene, tuple(hypothesis), model
+        self.driving = [p for p in in_order(hypothesis) if isinstance(p.effect, OnInputs)]
+        self.sensing = [p for p in hypothesis if isinstance(p.effect, OnOutputs)]
+        self.begins = [p for p in hypothesis if isinstance(p.effect, Stateful)]
+        self.live = any(is_live(p.effect) for p in hypothesis)
+        self.sizes = sizes_of(model)
+
+    def initial(
+        self, stretch: Stretch
+    ) -> tuple[Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]]:
+        """Positions and velocities to start from, in the order of the model's joints."""
+        if not self.sensing and not self.begins:
+            return stretch.q0[self._dofs], stretch.v0[self._dofs]
+        known = initial_states(self.scene, self.hypothesis, stretch)
+        states = np.array([known[name] for name in self._joints])
+        return states[:, 0], states[:, 1]
+
+    @functools.cached_property
+    def _joints(self) -> tuple[str, ...]:
+        """The model's joints."""
+        return tuple(self.model.joint(i).name for i in range(self.model.njnt))
+
+    @functools.cached_property
+    def _dofs(self) -> Int[np.ndarray, " joint"]:
+        """The machine's degree of freedom of each of these, where they are no more than its own."""
+        return np.array([self.scene.dof(name) for name in self._joints], dtype=int)
 
 
 def initial_states(
@@ -61,44 +106,30 @@ class Job:
 
     Attributes:
         scene: the machine.
-        hypothesis: what is changed in it.
+        patched: the hypothesis.
         stretch: what to replay.
         model: of the hypothesis.
         inputs: at every physics step.
-        live: whether a law acts at every step.
         layout: what jobs share that can run side by side.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        hypothesis: Sequence[Planted],
-        stretch: Stretch,
-        given: Inputs,
-        model: mujoco.MjModel,
-        sizes: tuple[int, ...],
-    ) -> None:
+    def __init__(self, patched: Patched, stretch: Stretch, given: Inputs) -> None:
         """Prepare.
 
         Args:
-            scene: the machine.
-            hypothesis: what is changed in it.
+            patched: the hypothesis.
             stretch: what to replay.
             given: its inputs before any effect changes them.
-            model: of the hypothesis.
-            sizes: of that model.
         """
-        self.scene = scene
-        self.hypothesis = tuple(hypothesis)
-        self.stretch = stretch
-        self.model = model
-        self.inputs = replace(given, u=given.u.copy(), force={}, torque={})
-        for p in in_order(hypothesis):
-            p.drive(self.inputs, self.scene)
-        self.inputs = self.inputs.of_replay()
-        self.live, steps = any(is_live(p.effect) for p in hypothesis), len(self.inputs.t)
+        self.scene, self.model = patched.scene, patched.model
+        self.patched, self.stretch = patched, stretch
+        if patched.driving:
+            given = replace(given, u=given.u.copy(), force={}, torque={})
+        for p in patched.driving:
+            p.drive(given, self.scene)
+        self.inputs = given.of_replay()
         pushed = bool(self.inputs.force), bool(self.inputs.torque)
-        self.layout = (*sizes, steps, *pushed, self.live)
+        self.layout = (*patched.sizes, len(self.inputs.t), *pushed, patched.live)
 
     @functools.cached_property
     def own(self) -> Int[np.ndarray, " dof"]:
@@ -141,16 +172,10 @@ class Job:
             torques[:, self.model.joint(name).dofadr[0]] = torque[piece]
         return torques
 
-    def initial(self) -> tuple[Float[np.ndarray, " joint"], Float[np.ndarray, " joint"]]:
-        """Positions and velocities to start from, in the order of the patched model's joints."""
-        known = initial_states(self.scene, self.hypothesis, self.stretch)
-        states = np.array([known[self.model.joint(i).name] for i in range(self.model.njnt)])
-        return states[:, 0], states[:, 1]
-
     @functools.cached_property
     def _remembered(self) -> dict[str, float]:
         """What the patched model begins with that comes of all that was before, by name."""
-        parts = [p.remembered(self.stretch) for p in self.hypothesis if p.in_model]
+        parts = [p.remembered(self.stretch) for p in self.patched.hypothesis if p.in_model]
         return {name: x for part in parts for name, x in part.items()}
 
     def activations(self) -> Float[np.ndarray, " activation"]:

@@ -42,7 +42,7 @@ class Stepped:
         d = self._data[0]
         for row, job in enumerate(jobs):
             mujoco.mj_resetData(job.model, d)
-            d.qpos[:], d.qvel[:] = job.initial()
+            d.qpos[:], d.qvel[:] = job.patched.initial(job.stretch)
             if job.model.na:
                 d.act[:] = job.activations()
             if job.model.nplastic:

@@ -10,9 +10,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.acting import is_live
 from wt.physics.activation import late
-from wt.physics.job import Job, sizes_of
+from wt.physics.job import Job, Patched
 from wt.physics.lean import rest_idle
 from wt.physics.limbs import Limb, Limbs, limbs
 from wt.physics.planted import Planted
@@ -142,10 +141,10 @@ class Replayer:
                 # MuJoCo refuses such parameters: as bad as a replay that explodes
                 continue
             models[written] = model
-            sizes, live = sizes_of(model), any(is_live(p.effect) for p in hypothesis)
+            patched = Patched(self.scene, hypothesis, model)
             for k, s in enumerate(stretches):
-                stretch, given = self.stretches[s], self.inputs(self.stretches[s], live)
-                job = Job(self.scene, hypothesis, stretch, given, model, sizes)
+                stretch = self.stretches[s]
+                job = Job(patched, stretch, self.inputs(stretch, patched.live))
                 groups.setdefault(job.layout, []).append((h, k, job))
         for members in groups.values():
             for outputs, (h, k, _) in zip(

@@ -21,7 +21,9 @@ def simulate(jobs: Sequence[Job], threads: int) -> list[Outputs]:
     """Run jobs of one layout side by side."""
     first = jobs[0]
     steps, h = len(first.inputs.t), first.inputs.h
-    acts = acting(first.scene, [job.hypothesis for job in jobs], h)
+    acts = None
+    if first.patched.live:
+        acts = acting(first.scene, [job.patched.hypothesis for job in jobs], h)
     run = _Rolled(jobs, threads) if acts is None else Stepped(jobs, acts, threads)
     nv = first.scene.model.nv
     results = [
@@ -45,7 +47,7 @@ def simulate(jobs: Sequence[Job], threads: int) -> list[Outputs]:
         if exploded[row]:  # there is nothing that a sensor could make of it
             results[row].q[:], results[row].v[:] = np.nan, np.nan
             continue
-        for p in job.hypothesis:
+        for p in job.patched.sensing:
             p.sense(results[row], job.scene)
     return results
 
@@ -64,7 +66,7 @@ class _Rolled:
         self._batch.set_models([job.model for job in jobs])
         qpos, qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         for row, job in enumerate(jobs):
-            qpos[row], qvel[row] = job.initial()
+            qpos[row], qvel[row] = job.patched.initial(job.stretch)
         if first.model.na:
             act = self._batch.bind("act")
             for row, job in enumerate(jobs):

@@ -173,8 +173,9 @@ def carried(scene: Scene, body: str, mass: float, position: Float[np.ndarray, " 
 def within_reach(scene: Scene, body: str, position: Float[np.ndarray, " 3"]) -> bool:
     """Tell whether a weight at a position [m] in a body's frame may be that body's.
 
-    A load on a trunk moves, but for little, like one that sticks out far from a hip: it has to be
-    inside the body, or close to it and, in radii of each, no closer to the bodies next to it.
+    It has to be inside the body, or close to it. Where nothing holds the base, a load on the trunk
+    moves, but for little, like one that sticks out far from a hip: there it is, in radii of each,
+    no closer to the bodies next to it. A machine that is held tells how its joints turn a load.
     """
     m = scene.model
     b = m.body(body).id
@@ -183,6 +184,8 @@ def within_reach(scene: Scene, body: str, position: Float[np.ndarray, " 3"]) -> 
         return True
     if away > _BEYOND * radius + _MOUNT:
         return False
+    if not scene.free:
+        return True
     children = [int(c) for c in np.flatnonzero(m.body_parentid == b)]
     nearer = [_away(m, c, _turn(m, c).T @ (position - m.body_pos[c])) for c in children]
     if parent := int(m.body_parentid[b]):
