@@ -176,6 +176,8 @@ def test_a_load_says_alone_what_a_nearer_one_and_a_centre_of_mass_do_together(
     )
     payload = parts[0].effect
     assert isinstance(payload, Uniting)
+    assert payload.near(loaded.scene, LINK2) == (link1,)
+    assert payload.near(loaded.scene, Location("body", "all")) == ()
     both = {(p.effect.id, p.at): p.theta for p in parts}
     theta = payload.union(loaded.screen.motion, LINK2, both)
     assert theta == pytest.approx([0.3, *LOAD_AT])

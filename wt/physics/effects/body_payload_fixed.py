@@ -74,6 +74,8 @@ class BodyPayloadFixed(Linearised, Nested, Uniting):
 
     def near(self, scene: Scene, at: Location) -> tuple[Location, ...]:
         """The bodies beside it: a load on one of them is felt as a part of it on the other."""
+        if at.name not in scene.moving:  # all of them at once
+            return ()
         m, here = scene.model, scene.model.body(at.name).id
         beside = [b for b in range(1, m.nbody) if here == m.body_parentid[b]]
         names = [m.body(int(b)).name for b in (m.body_parentid[here], *beside)]
