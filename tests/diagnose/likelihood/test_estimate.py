@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -10,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.diagnose.hidden_forces import STEP, chain, record, world
+from tests.diagnose.hidden_forces import STEP, chain, on_joint, record, world
 from wt.diagnose.likelihood.estimate import (
     Estimated,
     distances_from_nothing,
@@ -252,6 +253,18 @@ def test_where_motion_is_free_figures_are_as_good_as_noise_allows(tmp_path: Path
     mass = Planted(effects()["body.mass"], Location("body", "link1"), np.array([1.4]))
     low, high = estimate(some, (mass,)).estimates[0]["factor"].ci95
     assert 1.35 < low < 1.6 < high < 1.85
+
+
+def test_figures_are_told_apart_below_a_noise_that_is_taken_for_too_much(tmp_path: Path) -> None:
+    slowed = world(tmp_path, 1, on_joint(0, lambda q, v: -0.3 * v), 5.0)
+    channels = slowed.objective.channels
+    usual = slowed.objective.judged(replace(channels, floors=1.1 * channels.floors))
+    at, law = Location("joint", "j1"), effects()["joint.friction_viscous"]
+    near: list[Hypothesis] = [(Planted(law, at, np.array([size])),) for size in (0.29, 0.28)]
+    same, apart = ([a.mse[0] for a in o.evaluate(near)] for o in (usual, usual.sharper()))
+    assert same[0] == same[1] == usual.floor[0] ** 2
+    assert apart[0] != apart[1]
+    assert max(apart) < same[0]
 
 
 @pytest.mark.parametrize("times", [1.0, 0.25])

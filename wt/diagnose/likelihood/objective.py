@@ -72,7 +72,7 @@ drives are torques, what a rig is off by moves it as far as what is looked for."
 _NO_BETTER = 1.0  # nats: a step that gains less is the last
 _SHARES = (0.5, 0.25)
 """Of the way to where the linear part is at its best, that are tried where all of it is worse."""
-_FORGIVING = 1.5  # noise: more than this is far more than noise
+_SHARP = 0.5  # noise: less than this is left by chance alone nowhere
 _ALIKE = 4  # replays that tell how rough they are
 _WORTHWHILE = 0.05  # deviations: a smaller correction is not worth a change of the model
 
@@ -348,15 +348,15 @@ class Objective:
         return project_changes(now.raw, stacked, self._around.initial)
 
     def sharper(self) -> Objective:
-        """The same replays, judged down to noise where joints are forgiven far more than that.
+        """The same replays, judged below noise.
 
-        What tells hypotheses apart forgives what no machine follows exactly; below it they are all
-        as good, and the best figures of one of them are not found. On legs more than noise is left
-        whatever they are.
+        What tells hypotheses apart forgives what no machine follows exactly, and what noise makes,
+        of which nobody knows to a per cent how much it is: below it all are as good, and the best
+        figures of one of them are not found. On legs more than noise is left whatever they are.
         """
-        if self.scene.free or (self.channels.floor <= _FORGIVING * self.noise).all():
+        if self.scene.free:
             return self
-        floors = np.broadcast_to(self.noise, self.channels.floors.shape)
+        floors = np.broadcast_to(_SHARP * self.noise, self.channels.floors.shape)
         return self.judged(replace(self.channels, floors=floors))
 
     def only(self, rows: Bool[np.ndarray, " sample"]) -> Objective:
