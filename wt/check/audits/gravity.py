@@ -95,7 +95,7 @@ def _agreed(balance: Balance, finding: AuditFinding) -> bool:
     In one alone, a spring may balance it.
     """
     given, mended = balance.unexplained_forces(), _beside(balance, finding).unexplained_forces()
-    return bool((mended < _WORSE * given).all())
+    return bool((mended <= _WORSE * given).all())
 
 
 def _direction(balance: Balance, weight: Weight | None) -> Iterable[AuditFinding]:
