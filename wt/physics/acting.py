@@ -41,6 +41,11 @@ def is_live(effect: Effect) -> bool:
     return isinstance(effect, OnSteps)
 
 
+def any_live(hypothesis: Sequence[Planted]) -> bool:
+    """Tell whether one of several does."""
+    return any(is_live(p.effect) for p in hypothesis)
+
+
 def acting(scene: Scene, hypotheses: Sequence[Sequence[Planted]], h: float) -> Acting | None:
     """The laws of hypotheses; None if none of them has one.
 

@@ -186,6 +186,10 @@ class Nested(Effect):
         return None
 
 
+Parts = Mapping[tuple[str, Location], Float[np.ndarray, " _"]]
+"""Effects that stand somewhere: (id, place) → parameters."""
+
+
 class Uniting(Effect):
     """An effect that may say alone what several others at its place, or near it, do together.
 
@@ -201,17 +205,14 @@ class Uniting(Effect):
 
     @abc.abstractmethod
     def union(
-        self,
-        motion: Motion,
-        at: Location,
-        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
+        self, motion: Motion, at: Location, parts: Parts
     ) -> Float[np.ndarray, " parameter"] | None:
         """Its parameters in the place of several effects; None if it cannot be all that.
 
         Args:
             motion: the recordings.
             at: where it is to stand.
-            parts: (id, place) → parameters of two or more of these effects.
+            parts: two or more of these effects.
         """
 
 

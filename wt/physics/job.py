@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
-from wt.physics.acting import is_live
+from wt.physics.acting import any_live
 from wt.physics.activation import activated, dynamic
 from wt.physics.hooks import OnInputs, OnOutputs, Stateful
 from wt.physics.planted import Planted, in_order
@@ -38,7 +38,7 @@ class Patched:
         self.driving = [p for p in in_order(hypothesis) if isinstance(p.effect, OnInputs)]
         self.sensing = [p for p in hypothesis if isinstance(p.effect, OnOutputs)]
         self.begins = [p for p in hypothesis if isinstance(p.effect, Stateful)]
-        self.live = any(is_live(p.effect) for p in hypothesis)
+        self.live = any_live(hypothesis)
         self.sizes = sizes_of(model)
 
     def initial(

@@ -28,7 +28,7 @@ import cloudpickle
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.acting import is_live
+from wt.physics.acting import any_live
 from wt.physics.packed import PackedScene, heard, packed, told, unpacked
 from wt.physics.planted import Planted
 from wt.physics.rollout import Replayer
@@ -80,7 +80,7 @@ class Workers:
     ) -> Float[np.ndarray, "2 hypothesis sample dof"]:
         """See :class:`wt.physics.runner.Runner`."""
         every = range(len(replays.stretches))
-        live = [any(is_live(p.effect) for p in hypothesis) for hypothesis in hypotheses]
+        live = [any_live(hypothesis) for hypothesis in hypotheses]
         seconds = sum(float(s.t[-1] - s.t[0]) for s in replays.stretches)
         worth = sum(live) * seconds / replays.step >= _WORTH_STEPS
         if not worth or self._processes is None:

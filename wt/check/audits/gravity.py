@@ -54,7 +54,7 @@ class Carried:
         balance, weight = subject.balance, _weight(subject)
         if balance is None or not _known(balance):
             return
-        found = [f for f in _carried(weight) if _agreed(balance, f)] if weight else []
+        found = _carried(weight)
         wrong = balance.unexplained_forces().max() > _EXPLAINED
         if not found and wrong and (weight is None or weight.given > _LEFT):
             found = [f for f in _direction(balance, weight) if f.sure and not one_zero(balance)]
@@ -76,7 +76,7 @@ class Gravity:
         if balance is None or not _known(balance):
             return
         weight = _weight(subject)
-        found = [f for f in _carried(weight) if _agreed(balance, f)] if weight else []
+        found = _carried(weight)
         yield from found
         if not found and (weight is None or weight.given > _LEFT):
             yield from _direction(balance, weight)
@@ -116,7 +116,14 @@ def _weight(subject: Subject) -> Weight | None:
     return Weight.of(balance) if balance is not None and _known(balance) else None
 
 
-def _carried(weight: Weight) -> Iterable[AuditFinding]:
+def _carried(weight: Weight | None) -> list[AuditFinding]:
+    """What :func:`_whole` finds, where no drive says otherwise."""
+    if weight is None:
+        return []
+    return [finding for finding in _whole(weight) if _agreed(weight.balance, finding)]
+
+
+def _whole(weight: Weight) -> Iterable[AuditFinding]:
     """All of the weight where the model has none of it, or the reverse."""
     given, all_of_it, none = weight.left_as_given(), weight.left(1.0), weight.left(0.0)
     share, bodies = weight.share(), _bodies(weight.balance.scene)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from wt.physics.acting import is_live
+from wt.physics.acting import any_live
 from wt.physics.planted import Hypothesis
 from wt.physics.replay import Inputs, Stretch
 from wt.physics.rollout import Replayer
@@ -28,7 +28,7 @@ class States:
         self.scene, self.step, self.hypothesis = scene, replayer.step, hypothesis
         model = replayer.compile(hypothesis)
         lagging = model.na > 0 or bool((model.actuator_delay > 0.0).any())
-        live = any(is_live(p.effect) for p in hypothesis)
+        live = any_live(hypothesis)
         self.exact = model.nq == scene.model.nq and not lagging and not live
         if model.nq != scene.model.nq:
             model = replayer.compile(())

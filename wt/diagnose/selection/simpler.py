@@ -108,28 +108,40 @@ def united(
         log: grows by every decision.
     """
     for effect in (e for e in effects().values() if isinstance(e, Uniting)):
-        kind = [a.planted.at for a in accepted if a.planted.at.kind == effect.kind]
-        for at in dict.fromkeys(kind):
-            places = (at, *effect.near(objective.scene, at))
-            said = [p for p in estimated.hypothesis if p.effect.id in effect.unites]
-            parts = [p for p in said if p.at in places]
-            rest = [p for p in estimated.hypothesis if p not in parts]
-            union = _union(effect, at, parts, objective) if len(parts) > 1 else None
-            if union is None or any(excluded(union, p) for p in rest):
-                continue
-            again = estimate(objective, (*rest, union), estimated.hypothesis)
-            law = again.hypothesis[-1]
-            lost = -worth(objective, again.assessed, estimated.assessed)
-            one = lost < THRESHOLDS.min_nats and _shown(objective, again, estimated)
-            reason = f"{law} says {'as much alone' if one else 'less, or nothing of its own'}"
-            for part in parts:
-                log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
-            if one:
-                keys = {p.key for p in rest}
-                kept = [a for a in accepted if a.planted.key in keys]
-                accepted = (*kept, _accepted(law, objective, tuple(parts)))
-                estimated = again
+        for at in dict.fromkeys(a.planted.at for a in accepted):
+            if at.kind == effect.kind:
+                accepted, estimated = _united_at(effect, at, objective, accepted, estimated, log)
     return accepted, estimated
+
+
+def _united_at(
+    effect: Uniting,
+    at: Location,
+    objective: Objective,
+    accepted: tuple[Accepted, ...],
+    estimated: Estimated,
+    log: DecisionLog,
+) -> tuple[tuple[Accepted, ...], Estimated]:
+    """The same with one effect at a place for those there and near it, if it says them all."""
+    places = (at, *effect.near(objective.scene, at))
+    said = [p for p in estimated.hypothesis if p.effect.id in effect.unites]
+    parts = [p for p in said if p.at in places]
+    rest = [p for p in estimated.hypothesis if p not in parts]
+    union = _union(effect, at, parts, objective) if len(parts) > 1 else None
+    if union is None or any(excluded(union, p) for p in rest):
+        return accepted, estimated
+    again = estimate(objective, (*rest, union), estimated.hypothesis)
+    law = again.hypothesis[-1]
+    lost = -worth(objective, again.assessed, estimated.assessed)
+    one = lost < THRESHOLDS.min_nats and _shown(objective, again, estimated)
+    reason = f"{law} says {'as much alone' if one else 'less, or nothing of its own'}"
+    for part in parts:
+        log.add(part, "simplified", not one, lost, THRESHOLDS.min_nats, reason)
+    if not one:
+        return accepted, estimated
+    keys = {p.key for p in rest}
+    kept = [a for a in accepted if a.planted.key in keys]
+    return (*kept, _accepted(law, objective, tuple(parts))), again
 
 
 def _shown(objective: Objective, union: Estimated, parts: Estimated) -> bool:

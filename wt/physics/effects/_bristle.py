@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from wt.physics.driving import between
 from wt.physics.effects._tools import effective_inertia
-from wt.physics.hooks import OnSteps, Uniting
+from wt.physics.hooks import OnSteps, Parts, Uniting
 from wt.physics.live import Law, Live, Values, in_laws
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
@@ -104,10 +104,7 @@ class WithDryFriction(Uniting, BristleFriction):
     dry: ClassVar[tuple[int, ...]] = (0,)
 
     def union(
-        self,
-        motion: Motion,
-        at: Location,
-        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
+        self, motion: Motion, at: Location, parts: Parts
     ) -> Float[np.ndarray, " parameter"] | None:
         """This law with the dry friction beside it, unless that takes away more than there is."""
         if (self.id, at) not in parts:

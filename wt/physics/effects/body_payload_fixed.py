@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from wt.physics import inertia
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._tools import carried, place_of_load, point_load
-from wt.physics.hooks import Intervals, Linearised, Nested, Uniting
+from wt.physics.hooks import Intervals, Linearised, Nested, Parts, Uniting
 from wt.physics.motion import Motion
 from wt.physics.scene import Scene
 from wt.physics.units import HINGE, Units
@@ -82,10 +82,7 @@ class BodyPayloadFixed(Linearised, Nested, Uniting):
         return tuple(Location("body", name) for name in names if name in scene.moving)
 
     def union(
-        self,
-        motion: Motion,
-        at: Location,
-        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
+        self, motion: Motion, at: Location, parts: Parts
     ) -> Float[np.ndarray, " parameter"] | None:
         """The load that adds as much mass and first moment; none where mass is missing."""
         here, (mass, moment) = motion.point(at.name, _ORIGIN), _added(motion.scene, at, parts)
@@ -139,9 +136,7 @@ class BodyPayloadFixed(Linearised, Nested, Uniting):
         return f"a multisine on all joints that carry {at.name}, at poses with and without weight"
 
 
-def _added(
-    scene: Scene, at: Location, parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]]
-) -> tuple[float, Float[np.ndarray, " 3"]]:
+def _added(scene: Scene, at: Location, parts: Parts) -> tuple[float, Float[np.ndarray, " 3"]]:
     """Mass [kg] and first moment in the body's frame [kg·m] that effects of a body add to it."""
     mass, centre, _ = inertia.own(scene, at.name)
     factor = float(parts.get(("body.mass", at), np.ones(1))[0])

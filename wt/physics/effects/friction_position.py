@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._bristle import WithDryFriction, brake
 from wt.physics.effects._tools import TURN, add_dry_friction
-from wt.physics.hooks import Beyond, Intervals, Nested
+from wt.physics.hooks import Beyond, Intervals, Nested, Parts
 from wt.physics.live import Figures, Law, Values, in_laws
 from wt.physics.motion import Motion
 from wt.physics.script import Script, number
@@ -101,10 +101,7 @@ class FrictionPosition(Nested, WithDryFriction):
         return [((wave,), np.array([theta[0], _BEGUN, wave, phase])) for phase in phases]
 
     def union(
-        self,
-        motion: Motion,
-        at: Location,
-        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
+        self, motion: Motion, at: Location, parts: Parts
     ) -> Float[np.ndarray, " parameter"] | None:
         """The same wave about more friction, or less, is less deep, or deeper."""
         theta = super().union(motion, at, parts)

@@ -7,7 +7,7 @@ drive of another strength, which no motion of the joint tells from it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ from wt.physics.driving import all_drives, force_of_all
 from wt.physics.effect import Parameter, Shape, register
 from wt.physics.effects._bristle import BRISTLE, BristleFriction, slip
 from wt.physics.effects._tools import add_dry_friction, mean_weight
-from wt.physics.hooks import Beyond, Intervals, Nested, Uniting
+from wt.physics.hooks import Beyond, Intervals, Nested, Parts, Uniting
 from wt.physics.live import Law, Values
 from wt.physics.motion import Motion
 from wt.physics.parts import compiled
@@ -126,10 +126,7 @@ class GearLoss(Nested, Uniting, BristleFriction):
         return [((), np.array([fraction, fraction, coulomb, 0.0]))]
 
     def union(
-        self,
-        motion: Motion,
-        at: Location,
-        parts: Mapping[tuple[str, Location], Float[np.ndarray, " _"]],
+        self, motion: Motion, at: Location, parts: Parts
     ) -> Float[np.ndarray, " parameter"] | None:
         """Friction by load beside other friction, as long as it loses alike both ways."""
         if ("joint.friction_load", at) not in parts:
