@@ -53,6 +53,7 @@ def results(out: Path) -> dict[str, dict[str, object]]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("no_mlflow")
 def test_side_by_side_and_one_by_one_come_to_the_same(
     tmp_path: Path, make_model: MakeModel, capsys: pytest.CaptureFixture[str]

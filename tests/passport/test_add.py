@@ -124,6 +124,7 @@ def test_sessions_are_added_one_after_the_other(bench: Path) -> None:
     assert again_nothing.files == () and len(again_nothing.known) == 4
 
 
+@pytest.mark.long
 def test_only_a_units_first_session_is_searched(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,6 +141,7 @@ def test_only_a_units_first_session_is_searched(
     assert len(searched) == 2
 
 
+@pytest.mark.long
 def test_a_new_effect_is_estimated_in_earlier_groups_too(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

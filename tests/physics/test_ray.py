@@ -110,6 +110,7 @@ def _ray_starts() -> None:
         pytest.skip(f"Ray does not start on this machine: {str(error).strip()[-300:]}")
 
 
+@pytest.mark.long
 def test_ray_says_the_same(tmp_path: Path) -> None:
     assert ran(_IMPORTS + _SAME, str(tmp_path)) == ""
 

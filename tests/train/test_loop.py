@@ -94,6 +94,7 @@ def test_other_machines_need_the_address_of_a_cluster(monkeypatch: pytest.Monkey
         refuse_absent(Train(nodes=2), torch.device("cpu"))
 
 
+@pytest.mark.long
 def test_the_curve_is_the_same_on_one_and_two_machines(tmp_path: Path) -> None:
     pytest.importorskip("ray")
     script = tmp_path / "two_machines.py"

@@ -154,7 +154,6 @@ def answers_of(
     settings: Mean,
     seed: int,
     simulator: Simulator | None,
-    lessons: Transitions | None = None,
 ) -> Answers | None:
     """What S would have answered, for a mean field that asks; None for one that does without.
 
@@ -163,7 +162,6 @@ def answers_of(
         settings: use of the simulator, and budget.
         seed: same seed, same answers.
         simulator: S.
-        lessons: transitions of simulators around S.
 
     Raises:
         ConfigError: there is no simulator to ask.
@@ -177,7 +175,7 @@ def answers_of(
     def network(inputs: int, outputs: int) -> nn.Module:
         return mlp(inputs, outputs, settings.width, settings.depth)
 
-    return Answers(frame, network, budget, simulator, lessons)
+    return Answers(frame, network, budget, simulator)
 
 
 def with_answers(

@@ -22,6 +22,7 @@ from wt.nets.world_model import WorldModel
 from wt.train.answers import answers_of, with_answers
 from wt.train.batches import Feed, in_frame, within
 from wt.train.data import TranslationData
+from wt.train.family import Family, family_of
 from wt.train.hidden import Simulator
 from wt.train.logger import Curves, MetricSink
 from wt.train.loop import run
@@ -65,7 +66,8 @@ class TrainingInput:
         folder: checkpoints are kept here and continued from.
         simulator: S, which ``mean.simulator: encoded`` steps again.
         streams: whole collections of which ``sim`` or ``real`` is a sample.
-        lessons: transitions of simulators around S, from which the same learns what is hidden.
+        lessons: transitions of simulators around S, from which the same learns what R does; see
+            :mod:`wt.train.family`.
     """
 
     spec: TransitionSpec
@@ -168,7 +170,10 @@ def fitted(
     torch.manual_seed(seed)
     model = WorldModel(given.spec, method)
     fit_normalizers(model.frame, sim, real)
-    answers = answers_of(model.frame, method.mean, seed, given.simulator, given.lessons)
+    family = family_of(model.frame, method.mean, seed, given.simulator, given.lessons)
+    if family:
+        return _of_family(family, model, given, progress)
+    answers = answers_of(model.frame, method.mean, seed, given.simulator)
     first = answers.regressions * method.mean.steps if answers else 0
     before = first + regressions(method.mean) * method.mean.steps
     steps = before + (model.frame.hidden is not None) * method.mean.steps
@@ -190,6 +195,26 @@ def fitted(
         streams = streams._replace(real=None)  # Algorithm 1 has R's sample, with S's answers
     _choose_transport(model, sim, real, selection)
     return Fitted(model, sim, real, streams, selection, steps)
+
+
+def _of_family(
+    family: Family, model: WorldModel, given: TrainingInput, progress: Progress | None
+) -> Fitted:
+    """Fit the mean field of simulators around S, and of R's place among them."""
+    method, selection = given.method, given.selection
+    steps = family.regressions * method.mean.steps
+    total = steps + translates(method, selection) * method.train.steps
+    along = part_of(progress, 0, total)
+    family.learn(given.sim, given.real, along)
+    sim, real = (within(model.frame, x, method.translation.reach) for x in (given.sim, given.real))
+    real, held = family.answered(real), family.answered(selection.predicted.real)
+    if isinstance(selection, Unpaired):
+        selection = Unpaired(selection.sim, held)
+    with _kept_mean_field(model, given.folder) as missing:
+        if missing:
+            family.fit(model, real, held, along)
+    # R's sample has S's answers, which what is streamed has not
+    return Fitted(model, sim, real, given.streams._replace(real=None), selection, steps)
 
 
 def translates(method: Method, selection: Selection) -> bool:

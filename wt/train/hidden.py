@@ -218,7 +218,11 @@ class _Motion(_Estimator):
 
     def taught(self, sim: Transitions, lessons: Transitions | None) -> Transitions:
         """All of them: R's drives, friction and masses are not S's either."""
-        return sim if lessons is None else transitions(join([sim, lessons]))
+        if lessons is None:
+            return sim
+        # behind what is hidden in S, too, stand the factors of each simulator
+        as_of_s = replace(lessons, hidden=lessons.hidden[:, : sim.hidden.shape[1]])
+        return transitions(join([sim, as_of_s]))
 
     def fit(self, sim: Transitions, real: Transitions, progress: Progress | None) -> None:
         """Regress S's hidden motion on stretches of S's transitions."""

@@ -10,13 +10,14 @@ under the actions that R was given, stay nearest to what R's held-out recording 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, Int
-from torch import Tensor
+from jaxtyping import Bool, Float, Float32, Int
+from torch import Tensor, nn
 
+from wt.nets.frame import Frame
 from wt.nets.hidden_shift import HiddenShift
 from wt.nets.world_model import WorldModel
 from wt.train.hidden import HiddenEstimator
@@ -45,6 +46,20 @@ class Advancing(Protocol):
         ...
 
 
+class Differences(NamedTuple):
+    """Steps from known or estimated hidden variables, and how far off S is after them.
+
+    Attributes:
+        inputs: what the network reads, (step, input).
+        target: differences in units of their spread, (step, hidden); zero where nothing is told.
+        rows: of the transitions that the steps are, (step,).
+    """
+
+    inputs: Float[Tensor, "step input"]
+    target: Float[Tensor, "step hidden"]
+    rows: Int[np.ndarray, " step"]
+
+
 def fit_hidden_shift(
     model: WorldModel,
     shift: HiddenShift,
@@ -68,41 +83,71 @@ def fit_hidden_shift(
         progress: called with (done, total) steps.
     """
     hidden = estimator.estimate(real) if estimator.told.any() else None
-    if hidden is None:
-        return
-    rows = _followed(real, 1)
-    answer, after = simulator.advance("sim", real.o[rows], real.a[rows], hidden[rows])
-    told, difference = estimator.told, hidden[rows + 1] - after
+    known = hidden is not None and differences(
+        model.frame, shift, simulator, real, hidden, estimator.told
+    )
+    if known:
+        shift.requires_grad_(True)
+        learn(shift.net, known, budget, progress)
+        shift.requires_grad_(False)
+        choose_gain(model, shift, estimator, simulator, held)
+
+
+def differences(
+    frame: Frame,
+    shift: HiddenShift,
+    simulator: Advancing,
+    data: Transitions,
+    hidden: Float[np.ndarray, "row hidden"],
+    told: Bool[np.ndarray, " hidden"],
+) -> Differences | None:
+    """What is to be learned; None where no two transitions follow each other.
+
+    Args:
+        frame: with fitted normalisers.
+        shift: its scales are set.
+        simulator: S, which takes the steps.
+        data: transitions, ordered by episode and step.
+        hidden: their hidden variables, as known or as estimated.
+        told: those that are to be learned of.
+    """
+    rows = _followed(data, 1)
+    answer, after = simulator.advance("sim", data.o[rows], data.a[rows], hidden[rows])
+    difference = hidden[rows + 1] - after
     whole = np.isfinite(difference).all(axis=1) & np.isfinite(answer).all(axis=1)
     rows, answer, difference = rows[whole], answer[whole], difference[whole]
     if not len(rows):
-        return
+        return None
     for name, values in {
         "center": hidden.mean(axis=0),
         "spread": np.where(told, hidden.std(axis=0), 1.0),
         "unit": np.where(told, difference.std(axis=0), 0.0),
     }.items():
         getattr(shift, name).copy_(torch.tensor(values, dtype=torch.float32))
-    o, a = torch.tensor(real.o[rows]), torch.tensor(real.a[rows])
+    o, a = torch.tensor(data.o[rows]), torch.tensor(data.a[rows])
     with torch.no_grad():
-        changes = model.frame.changes(o, torch.tensor(answer))
-        inputs = shift.inputs(model.frame.conditions(o, a), changes, torch.tensor(hidden[rows]))
+        changes = frame.changes(o, torch.tensor(answer))
+        inputs = shift.inputs(frame.conditions(o, a), changes, torch.tensor(hidden[rows]))
     target = torch.tensor(difference, dtype=torch.float32) / shift.unit.clamp_min(1e-9)
-    target = target * (shift.unit > 0)
+    return Differences(inputs, target * (shift.unit > 0), rows)
+
+
+def learn(
+    net: nn.Module, known: Differences, budget: Regression, progress: Progress | None
+) -> None:
+    """Regress differences on what the network reads."""
+    told = known.target.abs().amax(dim=0) > 0
 
     def error(index: Tensor) -> Tensor:
-        out: Tensor = (shift.net(inputs[index]) - target[index]) * (shift.unit > 0)
+        out: Tensor = (net(known.inputs[index]) - known.target[index]) * told
         return out
 
     budget = replace(budget, seed=member_seed(budget.seed, 3))
-    shift.requires_grad_(True)
-    regress(shift.net, error, len(rows), budget, progress=progress)
-    shift.requires_grad_(False)
-    _choose_gain(model, shift, estimator, simulator, held)
+    regress(net, error, len(known.target), budget, progress=progress)
 
 
 @torch.no_grad()
-def _choose_gain(
+def choose_gain(
     model: WorldModel,
     shift: HiddenShift,
     estimator: HiddenEstimator,

@@ -32,8 +32,9 @@ class Collected:
         real: unpaired transitions of R, likewise.
         validation: pairs to select models by; None where they are selected without.
         test: pairs that are evaluated once, at the end.
-        lessons: transitions of simulators around S, which teach what is hidden; None where the
-            world cannot vary S, or nobody asks for them.
+        lessons: transitions of simulators around S, in the layout of
+            :func:`wt.worlds.varied.lessons_spec`; None where the world cannot vary S, or nobody
+            asks for them.
         folders: of each on disk, by its name here.
         streams: whole collections of which ``sim`` or ``real`` is a sample.
     """
@@ -95,12 +96,13 @@ def collect(
             continue
         shards = plan(count, seed, world.shard)
         identity = {"what": what, **world.identity(), "models": models}
+        spec = world.spec
         if what == LESSONS:
-            identity["around"] = varied.identity()
+            identity["around"], spec = varied.identity(), varied.lessons_spec(spec)
         make = functools.partial(maker.made, what, report=report)
-        where = Path(settings.dir), identity, world.spec, shards, make
+        where = Path(settings.dir), identity, spec, shards, make
         folders[what] = home = ensure(*where)
-        stored = Stored.of([home / shard.file for shard in shards], world.spec)
+        stored = Stored.of([home / shard.file for shard in shards], spec)
         if what in ("sim", "real") and len(stored) > settings.in_memory:
             # of what may be held out the sample has nothing, so that it can be trained on
             trained = stored.without_last(held_out(len(stored), settings.held_out))

@@ -14,13 +14,14 @@ masses within 16 %, friction in the joints, which nobody knows, within a factor 
 from __future__ import annotations
 
 import copy
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from wt.types import Transitions
+from wt.types import Channel, Transitions, TransitionSpec
 from wt.worlds.base import Progress
 
 
@@ -46,6 +47,16 @@ class Widths:
 AROUND_S = Widths()
 
 
+FACTORS = tuple(
+    Channel(f"log_factor/{name}", "1")
+    for name in (
+        "stiffness", "velocity_gain", "damping", "frictionloss", "trunk_mass_scale",
+        "limb_mass_scale", "floor_friction",
+    )
+)  # fmt: skip
+"""What is another in each simulator: logarithms of factors on S's physics, named as its options."""
+
+
 @runtime_checkable
 class Varied(Protocol):
     """A world that can vary its S."""
@@ -53,22 +64,38 @@ class Varied(Protocol):
     def lessons(self, count: int, seed: int, progress: Progress | None = None) -> Transitions:
         """Closed-loop transitions of simulators around S, ``count`` of them, as of ``collect``.
 
-        Their hidden variables are known, as S's are; ``nominal`` is the answer of S itself.
+        Their hidden variables are known, as S's are, and so is their physics: :func:`lessons_spec`
+        is their layout. ``nominal`` is the answer of S itself.
         """
         ...
 
 
-def identity() -> dict[str, float]:
-    """What decides, besides S, how simulators around it are drawn."""
-    return asdict(AROUND_S)
+def identity() -> dict[str, object]:
+    """What decides, besides S, how simulators around it are drawn, and what is told of them."""
+    return {**asdict(AROUND_S), "factors": [channel.name for channel in FACTORS]}
+
+
+def lessons_spec(spec: TransitionSpec) -> TransitionSpec:
+    """Layout of lessons: behind a task's hidden variables stand the factors of each simulator."""
+    return replace(spec, hidden=(*spec.hidden, *FACTORS))
+
+
+def drawn(
+    rng: np.random.Generator, count: int, widths: Widths = AROUND_S
+) -> Float[np.ndarray, "simulator factor"]:
+    """Logarithms of the factors of so many simulators around S."""
+    half = [
+        widths.drives, widths.drives, widths.friction, widths.friction, widths.trunk, widths.limbs,
+        widths.floor,
+    ]  # fmt: skip
+    return rng.uniform(-1.0, 1.0, (count, len(FACTORS))) * half
 
 
 def varied(
     model: mujoco.MjModel,
     trunk: str,
     joints: tuple[str, ...],
-    rng: np.random.Generator,
-    widths: Widths = AROUND_S,
+    log_factors: Float[np.ndarray, " factor"],
 ) -> mujoco.MjModel:
     """A simulator near another: a copy with other drives, friction and masses.
 
@@ -76,28 +103,24 @@ def varied(
         model: S, whose joints have position drives of their names.
         trunk: name of the trunk's body.
         joints: names of the robot's joints; what else is in S, such as a load, stays as it is.
-        rng: decides.
-        widths: how near.
+        log_factors: of :data:`FACTORS`.
     """
-
-    def factor(width: float) -> float:
-        return float(np.exp(rng.uniform(-width, width)))
-
     near = copy.copy(model)
+    stiffness, velocity_gain, damping, frictionloss, trunk_scale, limb_scale, floor = np.exp(
+        log_factors
+    )
     drives = [model.actuator(joint).id for joint in joints]
-    gain = factor(widths.drives)
-    near.actuator_gainprm[drives, 0] *= gain
-    near.actuator_biasprm[drives, 1] *= gain
-    near.actuator_biasprm[drives, 2] *= factor(widths.drives)
+    near.actuator_gainprm[drives, 0] *= stiffness
+    near.actuator_biasprm[drives, 1] *= stiffness
+    near.actuator_biasprm[drives, 2] *= velocity_gain
     dofs = [int(model.joint(joint).dofadr[0]) for joint in joints]
-    near.dof_damping[dofs] *= factor(widths.friction)
-    near.dof_frictionloss[dofs] *= factor(widths.friction)
+    near.dof_damping[dofs] *= damping
+    near.dof_frictionloss[dofs] *= frictionloss
     body = model.body(trunk).id
     limbs = [int(model.joint(joint).bodyid[0]) for joint in joints]
-    for bodies, width in (([body], widths.trunk), (limbs, widths.limbs)):
-        scale = factor(width)
+    for bodies, scale in (([body], trunk_scale), (limbs, limb_scale)):
         near.body_mass[bodies] *= scale
         near.body_inertia[bodies] *= scale
-    near.geom_friction[np.isin(model.geom_bodyid, [body, *limbs]), 0] *= factor(widths.floor)
+    near.geom_friction[np.isin(model.geom_bodyid, [body, *limbs]), 0] *= floor
     mujoco.mj_setConst(near, mujoco.MjData(near))
     return near

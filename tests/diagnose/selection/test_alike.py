@@ -88,6 +88,7 @@ def test_the_same_laws_are_found_at_every_joint(tmp_path: Path) -> None:
     assert merit(objective, after) > merit(objective, now) + 100.0
 
 
+@pytest.mark.long
 def test_a_joint_without_them_gets_none(tmp_path: Path) -> None:
     mjcf = arm([WEAK, WEAK, 1.0], [DRY, DRY, 0.0], [ROTOR] * JOINTS)
     objective = replays(tmp_path, mjcf)

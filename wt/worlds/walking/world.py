@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -37,7 +38,7 @@ from wt.worlds.legged import RATE_HZ, Herd
 from wt.worlds.policy import Policy
 from wt.worlds.robots import robot_of
 from wt.worlds.terrain import GroundHeights
-from wt.worlds.varied import varied
+from wt.worlds.varied import drawn, lessons_spec, varied
 from wt.worlds.walking.episodes import episodes
 from wt.worlds.walking.options import WalkingOptions
 from wt.worlds.walking.recording import HerdRecorder
@@ -46,6 +47,20 @@ from wt.worlds.walking.state import TRUNK, WalkingState
 
 MOST_FALLS = 6.0
 """Falls per robot and minute beyond which a policy does not walk here."""
+
+
+class _Made(NamedTuple):
+    """Herds that walk for a collection.
+
+    Attributes:
+        herd: makes one of a size, in a domain.
+        read: reads its hidden variables, (robot, hidden).
+        spec: layout of the transitions.
+    """
+
+    herd: Callable[[Domain, int], Herd]
+    read: Callable[[Herd], np.ndarray]
+    spec: TransitionSpec
 
 
 @register("walking")
@@ -117,7 +132,8 @@ class WalkingWorld:
         Raises:
             WorkError: the policy falls all the time.
         """
-        return self._collected(domain, self._herd, count, seed, progress)
+        made = _Made(self._herd, self._read(domain), self.spec)
+        return self._collected(domain, made, count, seed, progress)
 
     def lessons(self, count: int, seed: int, progress: Progress | None = None) -> Transitions:
         """Transitions of robots that each have physics around S's; see :class:`Varied`.
@@ -126,20 +142,24 @@ class WalkingWorld:
             WorkError: the policy falls all the time there.
         """
         sim, robot = self._models["sim"], self._robot
-        rng = np.random.default_rng((seed, 1))
+        rng, factors = np.random.default_rng((seed, 1)), np.empty((0, 0))
 
         def herd(domain: Domain, size: int) -> Herd:
-            made = self._herd(domain, size)
-            near = [varied(sim, robot.trunk, robot.joints, rng) for _ in range(size)]
-            made.batch.set_models(near)
+            nonlocal factors
+            made, factors = self._herd(domain, size), drawn(rng, size)
+            made.batch.set_models([varied(sim, robot.trunk, robot.joints, f) for f in factors])
             return made
 
-        return self._collected("sim", herd, count, seed, progress)
+        def read(herd: Herd) -> np.ndarray:
+            return np.hstack([self._read("sim")(herd), factors])
+
+        made = _Made(herd, read, lessons_spec(self.spec))
+        return self._collected("sim", made, count, seed, progress)
 
     def _collected(
         self,
         domain: Domain,
-        make: Callable[[Domain, int], Herd],
+        made: _Made,
         count: int,
         seed: int,
         progress: Progress | None,
@@ -151,8 +171,8 @@ class WalkingWorld:
         seeds = np.random.SeedSequence(seed).spawn(batches)
         parts, falls, before = [], 0, 0
         for b, s in enumerate(seeds):
-            herd, rng = make(domain, robots), np.random.default_rng(s)
-            part, fell = episodes(herd, self._policy, self._read(domain), self.spec, options, rng)
+            herd, rng = made.herd(domain, robots), np.random.default_rng(s)
+            part, fell = episodes(herd, self._policy, made.read, made.spec, options, rng)
             part["episode"] += before
             before = int(part["episode"][-1]) + 1
             parts.append(part)
