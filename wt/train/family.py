@@ -160,7 +160,7 @@ class Family:
 
     def _learned(self, lessons: DomainSamples, turns: _Turns) -> Ensemble:
         """What simulators do beyond S's answer to lessons, by their factors."""
-        inputs = torch.cat([lessons.x, lessons.nominal, self._factors.of], dim=1)
+        inputs = self._inputs(lessons)
         target = lessons.change - lessons.nominal
         nets = [
             self._network(inputs.shape[1], target.shape[1]) for _ in range(self._settings.members)
@@ -170,10 +170,13 @@ class Family:
             _regress(net, Examples(inputs, target), budget, turns.next())
         return Ensemble(nets).requires_grad_(False)
 
+    def _inputs(self, lessons: DomainSamples) -> Float[Tensor, "lesson input"]:
+        """(o, a), S's answer, and the factors of each simulator."""
+        return torch.cat([lessons.x, lessons.nominal, self._factors.of], dim=1)
+
     def _spread(self, of_near: Ensemble, near: DomainSamples) -> Float[Tensor, " state"]:
         """Of what is left of lessons, in each channel."""
-        inputs = torch.cat([near.x, near.nominal, self._factors.of], dim=1)
-        left = near.change - near.nominal - in_chunks(of_near, inputs)
+        left = near.change - near.nominal - in_chunks(of_near, self._inputs(near))
         return left.std(dim=0).clamp_min(1e-6)
 
     def _located(
