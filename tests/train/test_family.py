@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.train.steps import in_order
 from wt.config import Mean, Method, Nets, Train, TranslationConfig
 from wt.nets.world_model import WorldModel
 from wt.train import family
@@ -88,15 +89,7 @@ class Cart:
             after, moved = physics.step(o, a, v)
             rows.append((o, a, after, v))
             state, v, last = after, moved, a
-        o, a, after, v = (
-            np.stack(each, axis=1).reshape(episodes * LENGTH, -1).astype(np.float32)
-            for each in zip(*rows, strict=True)
-        )
-        index = np.arange(episodes * LENGTH)
-        return Transitions(
-            o=o, a=a, s_next=after, nominal=self.sim_step(o, a, None), hidden=v,
-            episode=index // LENGTH, step=index % LENGTH,
-        )  # fmt: skip
+        return in_order(rows, self.sim_step)
 
     def lessons(self, carts: int) -> Transitions:
         """An episode of each of the carts around S, whose factors stand behind their velocities."""

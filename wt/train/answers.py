@@ -29,7 +29,7 @@ from wt.nets.world_model import WorldModel
 from wt.train.hidden import HiddenEstimator, Network, Simulator
 from wt.train.hidden_shift import Advancing, fit_hidden_shift
 from wt.train.mean_field import samples
-from wt.train.regression import Progress, Regression, part_of, regress
+from wt.train.regression import Progress, Regression, part_of, regress_on
 from wt.train.selection import Selection, Unpaired
 from wt.types import Domain, Transitions
 
@@ -137,12 +137,7 @@ class Answers:
         """What a domain does on average beyond S's answer at estimates of what was hidden."""
         inputs, difference = _inputs(at), at.change - at.nominal
         net = self._network(inputs.shape[1], difference.shape[1])
-
-        def error(rows: Tensor) -> Tensor:
-            out: Tensor = net(inputs[rows]) - difference[rows]
-            return out
-
-        regress(net, error, len(inputs), self._budget, progress=progress)
+        regress_on(net, inputs, difference, self._budget, progress=progress)
         return net
 
     def _at_estimates(self, data: Transitions, domain: Domain) -> DomainSamples:

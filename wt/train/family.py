@@ -36,11 +36,10 @@ from wt.train.mean_field import samples
 from wt.train.regression import (
     Progress,
     Regression,
-    Score,
     mean_square,
     member_seed,
     part_of,
-    regress,
+    regress_on,
 )
 from wt.types import Transitions
 
@@ -167,7 +166,7 @@ class Family:
         ]
         for k, net in enumerate(nets):
             budget = replace(self._budget, seed=member_seed(self._budget.seed, k))
-            _regress(net, Examples(inputs, target), budget, turns.next())
+            regress_on(net, inputs, target, budget, progress=turns.next())
         return Ensemble(nets).requires_grad_(False)
 
     def _inputs(self, lessons: DomainSamples) -> Float[Tensor, "lesson input"]:
@@ -204,7 +203,7 @@ class Family:
     def _go_on(
         self, net: nn.Module, seen: Examples, unseen: Examples, k: int, progress: Progress | None
     ) -> None:
-        """Let one regressor of δ take up what is left of R, unless held-out R loses by it."""
+        """Let one regressor of δ take up what is left of R, where held-out R gains enough by it."""
         before = {name: values.clone() for name, values in net.state_dict().items()}
         with torch.no_grad():
             known, target = (
@@ -222,7 +221,8 @@ class Family:
             learning_rate=GOES_ON * self._budget.learning_rate,
             seed=member_seed(self._budget.seed, k),
         )
-        _regress(net.requires_grad_(True), known, budget, progress, score)
+        net.requires_grad_(True)
+        regress_on(net, known.inputs, known.target, budget, progress=progress, score=score)
         if score() > (1 - WORTH) * first:
             net.load_state_dict(before)
 
@@ -236,6 +236,8 @@ class Family:
         """Learn how hidden variables go on in the simulators beyond S's, and take R's factors."""
         shift, simulator, lessons = model.frame.hidden, self._simulator, self._lessons
         if shift is None or not isinstance(simulator, Advancing):
+            return
+        if not self._estimator.told.any():
             return
         given = simulator, lessons, lessons.hidden, self._estimator.told
         known = differences(model.frame, shift, *given)
@@ -285,20 +287,6 @@ class _Turns:
         begin = self._done * self._steps
         self._done += 1
         return part_of(self._progress, begin, self._total * self._steps)
-
-
-def _regress(
-    net: nn.Module,
-    examples: Examples,
-    budget: Regression,
-    progress: Progress | None,
-    score: Score | None = None,
-) -> None:
-    def error(rows: Tensor) -> Tensor:
-        out: Tensor = net(examples.inputs[rows]) - examples.target[rows]
-        return out
-
-    regress(net, error, len(examples.inputs), budget, progress=progress, score=score)
 
 
 def _left(ensemble: Ensemble, factors: Float[Tensor, " factor"], real: DomainSamples) -> Examples:

@@ -40,7 +40,7 @@ from wt.nets.frame import Frame
 from wt.nets.hidden_shift import FORCES
 from wt.nets.mlp import CHUNK, in_chunks
 from wt.train.mean_field import gaussian_transport, samples
-from wt.train.regression import Progress, Regression, member_seed, part_of, regress
+from wt.train.regression import Progress, Regression, member_seed, part_of, regress, regress_on
 from wt.types import Domain, Transitions
 
 AROUND = 6
@@ -269,23 +269,17 @@ class _Force(_Estimator):
         def mode(error: Tensor, _: float) -> Tensor:
             return cauchy(error, MODE_WIDTH)
 
-        regress(
-            self._shift,
-            lambda rows: self._shift(x[rows]) - difference[rows],
-            len(x),
-            self.budget,
-            mode,
-            part_of(progress, 0, 2 * steps),
-        )
+        along = part_of(progress, 0, 2 * steps)
+        regress_on(self._shift, x, difference, self.budget, mode, along)
         of_sim, nominal, change = samples(self._frame, sim)
         left = change - nominal
         self._transport = gaussian_transport(self._left(x, difference), left)
         inputs, target = torch.cat([of_sim, left], dim=1), self._lessons(sim)
         self._net = self._network(inputs.shape[1], len(self.channels))
-        regress(
+        regress_on(
             self._net,
-            lambda rows: self._net(inputs[rows]) - target[rows],
-            len(inputs),
+            inputs,
+            target,
             replace(self.budget, seed=member_seed(self.budget.seed, 1)),
             progress=part_of(progress, steps, 2 * steps),
         )

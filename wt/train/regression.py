@@ -98,6 +98,24 @@ def regress(
     net.eval()
 
 
+def regress_on(
+    net: nn.Module,
+    inputs: Tensor,
+    target: Tensor,
+    settings: Regression,
+    loss: Loss = mean_square,
+    progress: Progress | None = None,
+    score: Score | None = None,
+) -> None:
+    """:func:`regress` of answers, (row, channel), to inputs, (row, input)."""
+
+    def error(rows: Tensor) -> Tensor:
+        out: Tensor = net(inputs[rows]) - target[rows]
+        return out
+
+    regress(net, error, len(inputs), settings, loss, progress, score)
+
+
 def tell(progress: Progress | None, done: int, total: int) -> None:
     """Tell of every hundredth of the steps, and of the last."""
     if progress and (done % max(1, total // 100) == 0 or done == total):
